@@ -1,36 +1,24 @@
-"""What a certificate, a result or a log states: values, uncertainties, correlations, verdict and digests."""
+"""What a certificate or a result states, as a table: the kind and the subject of a statement, and its value.
+
+Kinds are digest (of log, configuration), serial, verdict, value and sigma (of a parameter), correlation (of two), and
+the decisions within, sigma_below and decision (both, for a certificate). Verdict and decisions are True for a pass.
+"""
 
 import json
 import math
 import re
 import zlib
-from dataclasses import dataclass, field
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 from .model import NAMES
 from .samples import UnreadableError
 
 #: Exceptions of a damaged file.
-DAMAGED = (
-    *(OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, StopIteration, RecursionError),
-    *(zlib.error, ElementTree.ParseError),
-)
+DAMAGED = (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, StopIteration, RecursionError)
+DAMAGED = (*DAMAGED, zlib.error, ElementTree.ParseError)
 #: Largest file and largest attachment, bytes.
 _LARGEST = 200_000_000
-
-
-@dataclass
-class Claim:
-    """Statements of one document."""
-
-    source: str
-    serial: str | None = None
-    digests: dict = field(default_factory=dict)  # of the log and of its configuration
-    verdict: str | None = None  # pass, fail, or None without a statement
-    values: dict = field(default_factory=dict)  # name -> (value, sigma)
-    correlation: dict = field(default_factory=dict)  # (name, name) -> coefficient
-    decisions: dict = field(default_factory=dict)  # (name, within | sigma_below | "") -> passed
-    result: dict | None = None  # the result JSON
 
 
 def read_claims(path):
@@ -38,9 +26,12 @@ def read_claims(path):
     try:
         if path.stat().st_size > _LARGEST:
             raise UnreadableError(f"{path} is larger than {_LARGEST} bytes")
-        data = path.read_bytes()
-        parts = _attachments(data) if data.startswith(b"%PDF") else [data]
-        claims = [_claim(part.lstrip(), path.name) for part in parts]
+        data, claims = path.read_bytes(), []
+        for part in _attachments(data) if data.startswith(b"%PDF") else [data]:
+            if part.lstrip().startswith(b"{"):
+                claims.append(result_claim(json.loads(part), f"{path.name} (JSON)"))
+            else:
+                claims.append(SimpleNamespace(source=f"{path.name} (DCC)", result=None, table=_dcc(part.lstrip())))
     except DAMAGED as exc:
         raise UnreadableError(f"{path} cannot be read: {exc}") from exc
     if not claims:
@@ -58,91 +49,89 @@ def _attachments(data):
             yield packed[: packed.index(b"endstream")].rstrip(b"\r\n")
 
 
-def _claim(data, source):
-    if data.startswith(b"{"):
-        return result_claim(json.loads(data), f"{source} (JSON)")
-    return _dcc(data, f"{source} (DCC)")
-
-
 def result_claim(result, source):
     """Return what a result JSON states."""
-    claim = Claim(source, result["unit"]["serial"], result=result)
-    claim.digests = {"log": result["log"].get("sha256", ""), "configuration": result.get("configuration_sha256", "")}
-    rows = result["parameters"].items()
-    claim.values = {name: (row["value"], row["sigma"]) for name, row in rows if name in NAMES}
+    digests = {"log": result["log"].get("sha256"), "configuration": result.get("configuration_sha256")}
+    table = {("digest", key): digest for key, digest in digests.items() if digest}
+    table["serial", "unit"] = result["unit"]["serial"]
+    for name in (name for name in result["parameters"] if name in NAMES):
+        table["value", name], table["sigma", name] = (
+            float(result["parameters"][name][key]) for key in ("value", "sigma")
+        )
     for one, row in result.get("correlation", {}).items():
-        claim.correlation.update({(one, other): value for other, value in row.items()})
-    checks = [check for check in result.get("checks", []) if check.get("kind") in ("within", "sigma_below")]
-    claim.decisions = {(check["subject"], check["kind"]): bool(check["passed"]) for check in checks}
-    claim.verdict = {True: "pass", False: "fail"}.get(result.get("passed"))
-    return claim
+        table |= {("correlation", f"{one}, {other}"): float(value) for other, value in row.items()}
+    for check in result.get("checks", []):
+        if check.get("kind") in ("within", "sigma_below"):
+            table[check["kind"], check["subject"]] = bool(check["passed"])
+    if result.get("passed") is not None:
+        table["verdict", "unit"] = bool(result["passed"])
+    return SimpleNamespace(source=source, result=result, table=table)
 
 
-def _local(element):
-    return element.tag.rpartition("}")[2]
+def _words(element, tag):
+    """Return the words of the first descendant with a tag, or None if there is none."""
+    found = element.find(f".//{{*}}{tag}")
+    return None if found is None else found.text.split()
 
 
-def _all(element, name, kind=None):
-    """Return the descendants of an element with a name and, if it is given, a `refType`."""
-    return [e for e in element.iter() if _local(e) == name and kind in (None, e.get("refType"))]
-
-
-def _texts(element, name):
-    return [(e.text or "").split() for e in _all(element, name)]
-
-
-def _dcc(data, source):
+def _dcc(data):
     """Return what a digital calibration certificate states."""
     if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
         raise ValueError("the certificate defines entities")
     root = ElementTree.fromstring(data)
-    if _local(root) != "digitalCalibrationCertificate":
+    if not root.tag.endswith("}digitalCalibrationCertificate"):
         raise ValueError("it is no digital calibration certificate")
-    claim = Claim(source)
-    for core in _all(root, "coreData"):
-        digests = [w[0] for w in _texts(core, "value") if w and re.fullmatch("[0-9a-f]{64}", w[0])]
-        claim.digests["log"] = digests[0] if digests else ""
-    claim.serial = " ".join(_texts(_all(root, "items")[0], "value")[0])
-    for statement in _all(root, "statement", "basic_conformity"):
-        claim.verdict = next((words[0] for words in _texts(statement, "conformity") if words), None)
-    for quantity in _all(root, "quantity", "basic_measuredValue"):
-        values = next(e for e in quantity if _local(e) == "realListXMLList")
-        names, numbers = (_texts(values, tag)[0] for tag in ("labelXMLList", "valueXMLList"))
-        factors, widths = (_texts(values, tag) for tag in ("coverageFactorXMLList", "uncertaintyXMLList"))
-        sigmas = [float(w) / float(factors[0][0]) for w in widths[0]] if widths else [math.nan] * len(names)
-        numbers, sigmas = (row * len(names) if len(row) == 1 else row for row in (numbers, sigmas))
-        rows = zip(names, map(float, numbers), sigmas, strict=True)
-        claim.values.update({name: (value, sigma) for name, value, sigma in rows if name in NAMES})
-        for decided in _texts(quantity, "conformityXMLList")[:1]:
-            claim.decisions.update({(n, ""): word == "pass" for n, word in zip(names, decided, strict=True)})
-    for joint in _all(root, "realList"):
-        names, columns = [words[0] for words in _texts(joint, "label")], _all(joint, "column")
-        if len(names) != len(columns):
-            continue
-        matrix = [[float(v[0]) for v in _texts(column, "value")] for column in columns]
-        stated = [float(v[0]) for e in joint if _local(e) == "real" for v in _texts(e, "value")[:1]]
-        for k, (name, value) in enumerate(zip(names, stated, strict=True)):
-            if name in claim.values and not _same((value, math.sqrt(matrix[k][k])), claim.values[name]):
-                raise ValueError(f"{name} differs between the list and the joint estimate")
-            for j, other in enumerate(names[:k]):
-                scale = math.sqrt(matrix[k][k] * matrix[j][j])
-                claim.correlation[name, other] = matrix[k][j] / scale if scale else 0.0
-    return claim
+    table = {("serial", "unit"): " ".join(_words(root.find(".//{*}items"), "value"))}
+    identifications = [(e.text or "").strip() for e in root.iterfind(".//{*}coreData//{*}value")]
+    for digest in [text for text in identifications if re.fullmatch("[0-9a-f]{64}", text)][:1]:
+        table["digest", "log"] = digest
+    for conformity in root.iterfind(".//{*}statement[@refType='basic_conformity']//{*}conformity"):
+        table["verdict", "unit"] = conformity.text.strip() == "pass"
+    for quantity in root.iterfind(".//{*}quantity[@refType='basic_measuredValue']"):
+        values = quantity.find("{*}realListXMLList")
+        names, factor, widths = (
+            _words(values, tag) for tag in ("labelXMLList", "coverageFactorXMLList", "uncertaintyXMLList")
+        )
+        sigmas = [float(width) / float(factor[0]) for width in widths] if widths else [math.nan]
+        columns = {"value": [float(word) for word in _words(values, "valueXMLList")], "sigma": sigmas}
+        if decided := _words(quantity, "conformityXMLList"):
+            columns["decision"] = [word == "pass" for word in decided]
+        for kind, column in columns.items():  # one entry stands for equal ones
+            rows = zip(names, column * len(names) if len(column) == 1 else column, strict=True)
+            table |= {(kind, name): value for name, value in rows if name in NAMES}
+    for joint in root.iterfind(".//{*}realList"):
+        reals, columns = joint.findall("{*}real"), joint.findall(".//{*}column")
+        if len(reals) == len(columns):
+            matrix = [[float(e.text) for e in column.iterfind(".//{*}value")] for column in columns]
+            _joint(table, [(_words(real, "label")[0], float(_words(real, "value")[0])) for real in reals], matrix)
+    return table
+
+
+def _joint(table, rows, matrix):
+    """Add the correlations of a joint estimate. Raises ValueError if it differs from the table."""
+    for k, (name, value) in enumerate(rows):
+        stated = {("value", name): value, ("sigma", name): math.sqrt(matrix[k][k])}
+        if not all(_same(number, table.get(key, number)) for key, number in stated.items()):
+            raise ValueError(f"{name} differs between the list and the joint estimate")
+        for j, (other, _) in enumerate(rows[:k]):
+            scale = math.sqrt(matrix[k][k] * matrix[j][j])
+            table["correlation", f"{name}, {other}"] = matrix[k][j] / scale if scale else 0.0
 
 
 def _same(one, other):
-    return all(math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-30) for a, b in zip(one, other, strict=True))
+    return math.isclose(one, other, rel_tol=1e-6, abs_tol=1e-30) if isinstance(one, float) else one == other
 
 
 def contradictions(claims):
-    """Yield (subject, text) where two documents of one certificate differ."""
+    """Yield (kind, subject, text) where two documents of one certificate differ."""
     first = claims[0]
     for other in claims[1:]:
-        for key in ("serial", "verdict"):  # a partial certificate states no verdict
-            one, two = getattr(first, key), getattr(other, key)
-            if len({one, two} - {None}) > 1:
-                yield key, f"{first.source} states {one}, {other.source} {two}"
-        for name in sorted(first.values.keys() | other.values.keys()):
-            one, two = first.values.get(name), other.values.get(name)
-            if one is None or two is None or not _same(one, two):
-                yield name, f"{first.source} states {one}, {other.source} {two}"
+        for kind, name in sorted(first.table.keys() | other.table.keys()):
+            one, two = (claim.table.get((kind, name)) for claim in (first, other))
+            is_stated = kind in ("serial", "verdict") and None in (one, two)  # a partial certificate states no verdict
+            if (
+                kind in ("serial", "verdict", "value", "sigma")
+                and not is_stated
+                and (one is None or not _same(one, two))
+            ):
+                yield "contradiction", name, f"{first.source} states a {kind} of {one}, {other.source} {two}"

@@ -1,128 +1,143 @@
-"""Joint estimates, and the stages at rest (`rate`, `six_position`) as least-squares problems."""
+"""Joint estimates, their update by equations, and the stages at rest (`rate`, `six_position`)."""
 
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import block_diag
 
-from .model import AT, COUNT, earth_rate, force_of, matrix, rotation
+from .model import AT, COUNT, UP, compensated, matrix, rotation, turned
 from .samples import DRIFT_TIME, SHORTEST, NotCoveredError, mean_angles, mean_force, rests
 
 #: Smallest turn between two rests, rad, and its largest deviation from whole turns.
 TURN, DEVIATION = np.deg2rad(300.0), np.deg2rad(5.0)
 #: Sigma of the direction of an axis of the table on the platform, rad.
 AXIS_SIGMA = np.deg2rad(0.1)
-#: Number of the estimated values: the parameters, and the offsets of the table's axes.
-SIZE = COUNT + 2
+#: Columns of equations after the parameters: offsets of the table's axes, relative error of gravity, misclosure.
+ASIDE, COLUMNS = 4, COUNT + 4
 
 
 @dataclass
 class Joint:
-    """Estimate of the 30 parameters and of the two offsets of the table's axes, and its change per gravity error."""
+    """Estimate of the parameters by the offsets of the table's axes and the error of gravity (Friedland's method)."""
 
-    mean: np.ndarray  # (32,); within a stage at rest, followed by its nuisances
-    covariance: np.ndarray  # (32, 32), without the error of gravity
-    gravity: np.ndarray  # (32,)
+    response: np.ndarray  # change per unit of each offset and of gravity error, and the mean without them, (30, 4)
+    covariance: np.ndarray  # for given offsets and gravity, (30, 30)
+    aside: np.ndarray  # white equations of the offsets, the gravity error and a misclosure alone, (k, 4)
 
     @classmethod
-    def prior(cls, setting):
+    def prior(cls, mean, covariance):
         """Return the estimate before the first stage."""
-        covariance = np.diag(np.r_[np.zeros(COUNT), setting.offset[1]] ** 2)
-        covariance[:COUNT, :COUNT] = setting.covariance
-        return cls(np.r_[setting.mean, setting.offset[0]], covariance, np.zeros(SIZE))
+        return cls(np.eye(1, ASIDE, 3) * mean[:, None], covariance, np.zeros((0, ASIDE)))
+
+    @property
+    def mean(self):
+        """Return the parameters without offsets and error of gravity."""
+        return self.response[:, -1]
 
     @property
     def sigma(self):
-        """Return the standard deviations without the error of gravity."""
+        """Return the standard deviations for given offsets and gravity."""
         return np.sqrt(np.diag(self.covariance))
 
-    def with_equations(self, jacobian, observed, point):
-        """Return the estimate that includes white equations `jacobian` (x − point, gravity error) = observed."""
+    def updated(self, equations, point):
+        """Return the estimate after white equations J (x − point) + A (offsets, gravity error) + w = noise, by QR."""
         free = np.flatnonzero(self.sigma > 0.0)
-        scale = self.sigma[free]
-        root = np.linalg.cholesky(self.covariance[np.ix_(free, free)] / np.outer(scale, scale))
-        known = np.linalg.solve(root, np.stack([self.mean - point, self.gravity], axis=1)[free] / scale[:, None])
-        right = np.vstack([known, np.stack([observed, -jacobian[:, -1]], axis=1)])
-        Q, R = np.linalg.qr(np.vstack([np.linalg.inv(root), jacobian[:, free] * scale]))
-        solution, inverse = np.linalg.solve(R, Q.T @ right) * scale[:, None], np.linalg.inv(R) * scale[:, None]
-        mean, gravity, covariance = point.copy(), self.gravity.copy(), np.zeros_like(self.covariance)
-        mean[free] += solution[:, 0]
-        gravity[free] = solution[:, 1]
+        scale, known = self.sigma[free, None], np.eye(1, ASIDE, 3) * point[:, None] - self.response
+        root = np.linalg.inv(np.linalg.cholesky(self.covariance[np.ix_(free, free)] / (scale * scale.T)))
+        Q, R = np.linalg.qr(np.vstack([root, equations[:, free] * scale.T]))
+        right = np.vstack([root @ (known[free] / scale), equations[:, COUNT:]])
+        inverse, rest = scale * np.linalg.inv(R), right - Q @ (Q.T @ right)
+        response, covariance = np.eye(1, ASIDE, 3) * point[:, None], np.zeros_like(self.covariance)
+        response[free] -= inverse @ (Q.T @ right)
         covariance[np.ix_(free, free)] = inverse @ inverse.T
-        return Joint(mean, covariance, gravity)
+        return Joint(response, covariance, np.linalg.qr(np.vstack([self.aside, rest]), mode="r"))
 
     def keeping(self, before, estimated):
-        """Return the estimate in which only `estimated` parameters (and the offsets) have changed since `before`.
+        """Return the estimate in which the parameters that are not `estimated` stay: Schmidt's consider states."""
+        keep = np.setdiff1d(np.arange(COUNT), estimated)
+        self.response[keep], self.covariance[np.ix_(keep, keep)] = (
+            before.response[keep],
+            before.covariance[np.ix_(keep, keep)],
+        )
+        return self
 
-        The other parameters are Schmidt's consider states. Both estimates are split into a part without the offsets and
-        their effect; the first part of the other parameters stays.
-        """
-        keep = [i for i in range(COUNT) if i not in estimated]
-        (mean, covariance, slope), (mean0, covariance0, slope0) = (joint._split() for joint in (self, before))
-        mean[keep], slope[keep] = mean0[keep], slope0[keep]
-        covariance[np.ix_(keep, keep)] = covariance0[np.ix_(keep, keep)]
-        gravity, offsets, full = self.gravity.copy(), self.mean[COUNT:], np.zeros((SIZE, SIZE))
-        gravity[keep] = before.gravity[keep]
-        full[:COUNT, :COUNT], slopes = covariance, np.vstack([slope, np.eye(2)])
-        full += slopes @ self.covariance[COUNT:, COUNT:] @ slopes.T
-        return Joint(np.r_[mean + slope @ offsets, offsets], full, gravity)
-
-    def _split(self):
-        """Return mean and covariance of the parameters for offsets of 0, and their change per offset."""
-        slope = self.covariance[:COUNT, COUNT:] @ np.linalg.pinv(self.covariance[COUNT:, COUNT:], hermitian=True)
-        covariance = self.covariance[:COUNT, :COUNT] - slope @ self.covariance[COUNT:, :COUNT]
-        return self.mean[:COUNT] - slope @ self.mean[COUNT:], covariance, slope
+    def complete(self, offset, offset_sigma, gravity_sigma):
+        """Return mean, covariance and its part from the offsets, after the least-squares estimate of the offsets."""
+        A = np.vstack([np.eye(2), self.aside[:, :2] * offset_sigma])
+        right = np.vstack([np.zeros((2, 2)), self.aside[:, 2:] + np.outer(self.aside[:, :2] @ offset, [0.0, 1.0])])
+        inverse = np.linalg.inv(A.T @ A)
+        change, slope = -inverse @ A.T @ right, self.response[:, :2] * offset_sigma
+        gravity, mean = (self.response[:, 2:] + slope @ change).T
+        part, error = slope @ inverse @ slope.T, gravity_sigma * gravity
+        return mean + self.response[:, :2] @ offset, self.covariance + part + np.outer(error, error), part
 
 
-def _fit(stage, model, observed, variance, prior, sigma, estimated):
-    """Return the joint estimate after equations observed = model(parameters, nuisances of `sigma`, gravity error)."""
-    covariance, zero, error = block_diag(prior.covariance, np.diag(sigma**2)), 0.0 * sigma, np.sqrt(variance)
-    start = Joint(np.r_[prior.mean, zero], covariance, np.r_[prior.gravity, zero])
-    point, moving = start.mean, [*estimated, *range(SIZE, len(start.mean))]
-    steps = np.r_[1e-2 * np.minimum(start.sigma, 1e-3), 1e-6]
+def solve(name, linearise, prior, estimated):
+    """Return the joint estimate after a stage by the Gauss-Newton method.
+
+    `linearise(point)` returns the white equations of the stage, shape (k, 34), see `Joint.updated`, and a function that
+    corrects the unknowns which it has eliminated for a change of the parameters.
+    """
+    point = prior.mean.copy()
     for _ in range(50):
-
-        def row(h, point=point):
-            return model((point + h[:-1])[:COUNT], (point + h[:-1])[SIZE:], h[-1]) / error
-
-        slopes = [(row(h) - row(-h)) / (2.0 * max(h.max(), 1e-300)) for h in np.diag(steps)]
-        posterior = start.with_equations(np.stack(slopes, axis=1), observed / error - row(0.0 * steps), point)
-        target = start.mean.copy()
-        target[moving] = posterior.mean[moving]
-        change, point = target - point, target
-        if np.max(np.abs(change) / np.where(posterior.sigma > 0, posterior.sigma, 1.0)) < 1e-3:
-            used = slice(SIZE)
-            posterior = Joint(posterior.mean[used], posterior.covariance[used, used], posterior.gravity[used])
+        equations, correct = linearise(point)
+        posterior = prior.updated(equations, point)
+        correct(posterior.mean - point)
+        before, point = point, prior.mean.copy()
+        point[estimated] = posterior.mean[estimated]
+        if np.max(np.abs(point - before) / np.where(posterior.sigma > 0, posterior.sigma, 1.0)) < 1e-3:
             return posterior.keeping(prior, estimated)
-    raise NotCoveredError(f"the stage {stage.name}, whose solution does not converge")
+    raise NotCoveredError(f"the stage {name}, whose solution does not converge")
 
 
-def solve_rate(stage, setting, prior):
-    """Return the estimate after whole turns: integrals of the rate between rests against the angles of the table."""
-    s, turns, number = setting, [], 0
+class Batch:
+    """Linearises equations observed = model(parameters, nuisances, gravity error) with nuisances of mean 0."""
+
+    def __init__(self, model, observed, variance, sigma):
+        self.model, self.observed, self.error, self.sigma = model, observed, np.sqrt(variance), sigma
+        self.nuisance = np.zeros(len(sigma))
+
+    def _misclosures(self, x):
+        p, nuisance, gravity = np.split(x, [COUNT, -1])
+        return np.r_[(self.model(p, nuisance, gravity) - self.observed) / self.error, nuisance / self.sigma]
+
+    def __call__(self, point):
+        """Differentiate by central differences, and eliminate the nuisances by a projection; see `solve`."""
+        x = np.r_[point, self.nuisance, 0.0]
+        wrong, steps = self._misclosures(x), 1e-5 * np.eye(len(x))
+        jacobian = np.stack([(self._misclosures(x + h) - self._misclosures(x - h)) / 2e-5 for h in steps], axis=1)
+        by_parameters, by_nuisances, by_gravity = np.split(jacobian, [COUNT, -1], axis=1)
+        equations = np.hstack([by_parameters, np.zeros((len(wrong), 2)), by_gravity, wrong[:, None]])
+        Q, R = np.linalg.qr(by_nuisances)
+        solution = np.linalg.solve(R, Q.T @ equations)
+
+        def correct(change):
+            self.nuisance = self.nuisance - solution[:, :COUNT] @ change - solution[:, -1]
+
+        return equations - by_nuisances @ solution, correct
+
+
+def rate_equations(stage, s, prior):
+    """Return the equations of whole turns: integrals of the rate between rests against the angles of the table."""
+    rows, number = [], 0
     for span in stage.spans:
         found = rests(stage, s, prior, [span])
-        for k, (one, two) in enumerate(pairwise(found)):
+        for k, (one, two) in enumerate(pairwise(found), start=number):
             a, b = sum(one) // 2, sum(two) // 2
             still = 0.5 * (stage.gyro[slice(*one)].mean(axis=0) + stage.gyro[slice(*two)].mean(axis=0))
-            total, before, after = stage.gyro[a:b].sum(axis=0) * s.dt, mean_angles(stage, one), mean_angles(stage, two)
-            joint = int(np.argmax(np.abs(after - before)))
-            way = (after - before)[joint]
+            total, start, end = stage.gyro[a:b].sum(axis=0) * s.dt, mean_angles(stage, one), mean_angles(stage, two)
+            joint = int(np.argmax(np.abs(end - start)))
+            way = abs(end - start)[joint]
             whole = abs(way - 2.0 * np.pi * np.round(way / (2.0 * np.pi))) < DEVIATION
-            if np.linalg.norm(total - still * (b - a) * s.dt) >= TURN and abs(way) > TURN and whole:
-                turns.append((a, b, total, joint, before, after, number + k, number + k + 1))
+            if np.linalg.norm(total - still * (b - a) * s.dt) >= TURN and way > TURN and whole:
+                speed = np.linalg.norm(stage.gyro[a:b], axis=1)[:, None]
+                share = (np.cumsum(speed, axis=0) - 0.5 * speed) / speed.sum()  # of the turn, amid every sample
+                C = s.platform(start + (end - start) * share).mean(axis=0)  # mean rotation from platform to n
+                rows.append((total, joint, start, end, (b - a) * s.dt, C, k, k + 1))
         number += len(found)
-    if not turns:
+    if not rows:
         raise NotCoveredError(f"the stage {stage.name} without whole turns")
-    first, second, totals, joints, starts, ends, one, two = (np.array(column) for column in zip(*turns, strict=True))
-    names, index = np.unique([one, two], return_inverse=True)
-    (one, two), duration, sums = index.reshape(2, -1), (second - first) * s.dt, []
-    for a, b, before, after in zip(first, second, starts, ends, strict=True):
-        rate = np.linalg.norm(stage.gyro[a:b], axis=1)[:, None]
-        share = (np.cumsum(rate, axis=0) - 0.5 * rate) / rate.sum()  # of the motion, in the middle of every sample
-        sums.append(s.platform(before + (after - before) * share).mean(axis=0) * (b - a) * s.dt)
-    C, earth = np.array(sums), earth_rate(s.latitude)  # integrals of the rotation from platform to n
+    totals, joints, starts, ends, duration, C, one, two = (np.array(column) for column in zip(*rows, strict=True))
 
     def model(p, nuisance, _):
         mount = rotation(nuisance[:3]) @ s.orientation
@@ -130,38 +145,34 @@ def solve_rate(stage, setting, prior):
         encoder = nuisance[10:].reshape(-1, 2)
         before, after = starts + encoder[one], ends + encoder[two]
         inside = rotation(-0.5 * (before + after)[:, 1:] * s.axes[1]) @ outer
-        axis = np.where(joints[:, None] == 1, inner, inside)
-        angle = (after - before)[np.arange(len(joints)), joints]
-        turned = np.array([earth[1] * np.sin(nuisance[3]), earth[1] * np.cos(nuisance[3]), earth[2]])
-        platform = axis * angle[:, None] + np.einsum("nji,j->ni", C, turned)
+        angle = (after - before)[np.arange(len(joints)), joints, None]
+        earth = rotation(-nuisance[3] * UP) @ s.earth
+        platform = np.where(joints[:, None] == 1, inner, inside) * angle + (earth @ C) * duration[:, None]
         return (platform @ (matrix(p, "gyro") @ mount.T).T + p[AT["gyro_bias"]] * duration[:, None]).ravel()
 
-    encoders = 2 * len(names) * [s.sigma["encoder"]]
+    encoders = [s.sigma["encoder"]] * (2 * number)
     sigma = np.array([*[s.sigma["mount"]] * 3, s.sigma["azimuth"], *[AXIS_SIGMA] * 6, *encoders])
     variance = np.repeat(s.rate_noise * duration + 2.0 * s.drift[0] ** 2 / DRIFT_TIME * duration**3 / 3.0, 3)
-    return _fit(stage, model, totals.ravel(), variance, prior, sigma, AT["gyro_scale"])
+    return Batch(model, totals.ravel(), variance, sigma)
 
 
-def solve_positions(stage, setting, prior):
-    """Return the estimate after rests in many positions: gravity in b, whose direction is free within the mounting."""
-    s = setting
+def position_equations(stage, s, prior):
+    """Return the equations of rests in many positions: gravity in b, whose direction is free within the mounting."""
     found = [rest for rest in rests(stage, s, prior) if (rest[1] - rest[0]) * s.dt >= SHORTEST]
     if len(found) < 6:
         raise NotCoveredError(f"the stage {stage.name} with fewer than six rests")
     forces, variances = (np.array(column) for column in zip(*(mean_force(stage, s, *r) for r in found), strict=True))
     up = (s.platform(np.array([mean_angles(stage, rest) for rest in found])) @ s.orientation)[:, 2]
-    start = force_of(prior.mean[:COUNT], forces, np.zeros((len(found), 3)))
-    if np.min(np.sum(start * up, axis=1) / np.linalg.norm(start, axis=1)) < np.cos(10.0 * s.sigma["tilt"]):
+    force = compensated(prior.mean, np.zeros_like(forces) + prior.mean[AT["gyro_bias"]], forces)[1]
+    if np.min(np.sum(force * up, axis=1) / np.linalg.norm(force, axis=1)) < np.cos(10.0 * s.sigma["tilt"]):
         raise NotCoveredError("gravity that contradicts the angles of the table")
     # two directions perpendicular to the nominal one
     one = np.cross(up, np.eye(3)[np.argmin(np.abs(up), axis=1)])
     one /= np.linalg.norm(one, axis=1, keepdims=True)
-    frame = np.stack([one, np.cross(up, one)], axis=1)
+    frame = np.stack([one, np.cross(up, one)], axis=2)
 
     def model(p, tilts, error):
-        turn = np.einsum("ka,kai->ki", tilts.reshape(-1, 2), frame)
-        force = s.gravity * (1.0 + error) * np.einsum("kij,kj->ki", rotation(turn), up)
-        return (force @ matrix(p, "accel").T + p[AT["accel_quadratic"]] * force**2 + p[AT["accel_bias"]]).ravel()
+        f = s.gravity * (1.0 + error) * turned(rotation(turned(frame, tilts.reshape(-1, 2))), up)
+        return (f @ matrix(p, "accel").T + p[AT["accel_quadratic"]] * f**2 + p[AT["accel_bias"]]).ravel()
 
-    tilts, estimated = np.full(2 * len(found), s.sigma["tilt"]), [*AT["accel_scale"], *AT["accel_bias"]]
-    return _fit(stage, model, forces.ravel(), np.repeat(variances, 3), prior, tilts, estimated)
+    return Batch(model, forces.ravel(), np.repeat(variances, 3), np.full(2 * len(found), s.sigma["tilt"]))

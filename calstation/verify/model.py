@@ -24,9 +24,11 @@ GROUPS = {
     "outer_lever": (AXES, 0.5),
 }
 NAMES = tuple(f"{group}_{member}" for group, (members, _) in GROUPS.items() for member in members)
-WIDE = np.array([sigma for members, sigma in GROUPS.values() for _ in members])
+GROUP = tuple(group for group, (members, _) in GROUPS.items() for _ in members)  # of every parameter
+WIDE = np.array([GROUPS[group][1] for group in GROUP])
 COUNT = len(NAMES)
-AT = {group: [i for i, name in enumerate(NAMES) if name.startswith(group + "_")] for group in GROUPS}
+AT = {group: [i for i in range(COUNT) if GROUP[i] == group] for group in GROUPS}
+BIASES = AT["gyro_bias"] + AT["accel_bias"]
 EARTH_RATE = 7.292115e-5
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -40,45 +42,27 @@ def matrix(p, sensor):
     return M
 
 
-def size_effect(p, omega):
-    """Return the force sensed at the accelerometers minus that at the reference point, shape (n, 3)."""
-    return p[AT["inner_lever"]] * (omega**2 - np.sum(omega**2, axis=1, keepdims=True))
-
-
 def sensed(p, omega, force):
-    """Return the output of gyros and accelerometers, shape (n, 6), without the size effect."""
-    gyro = omega @ matrix(p, "gyro").T + p[AT["gyro_bias"]]
+    """Return the outputs (I + M_g) ω + b_g and (I + M_a) f + K2 ∘ f² + b_a, shape (..., 3) each."""
     accel = force @ matrix(p, "accel").T + p[AT["accel_quadratic"]] * force**2 + p[AT["accel_bias"]]
-    return np.hstack([gyro, accel])
+    return omega @ matrix(p, "gyro").T + p[AT["gyro_bias"]], accel
 
 
-def rate_of(p, gyro):
-    """Return the angular rate, rad/s, from the measured one, shape (n, 3)."""
-    return np.linalg.solve(matrix(p, "gyro"), (gyro - p[AT["gyro_bias"]]).T).T
+def compensated(p, gyro, accel):
+    """Return the angular rate, rad/s, and the specific force at the reference point, m/s², shape (..., 3) each.
 
-
-def force_of(p, accel, omega):
-    """Return the specific force at the reference point, m/s², from the measured one, shape (n, 3)."""
-    inverse, linear = np.linalg.inv(matrix(p, "accel")), accel - p[AT["accel_bias"]]
-    force = linear @ inverse.T
-    for _ in range(4):
-        force = (linear - p[AT["accel_quadratic"]] * force**2) @ inverse.T
-    return force - size_effect(p, omega)
-
-
-def derivatives(p, omega, force):
-    """Return the changes of the computed rate and force per parameter, shape (n, 3, 30) each.
-
-    The parameters act on the force at the reference point, although the accelerometers sense it at their own.
+    The force is the inverse of `sensed` by Newton's method, plus the size effect inner_lever_i (|ω|² − ω_i²).
     """
-    change, output = np.zeros((len(omega), 6, COUNT)), sensed(p, omega, force)
-    for i in range(AT["inner_lever"][0]):  # the output is linear in its parameters
-        change[:, :, i] = sensed(p + np.eye(COUNT)[i], omega, force) - output
-    slope = matrix(p, "accel") + 2.0 * p[AT["accel_quadratic"]][None, :, None] * force[:, :, None] * np.eye(3)
-    by_rate, by_force = -np.linalg.inv(matrix(p, "gyro")) @ change[:, :3], -np.linalg.solve(slope, change[:, 3:])
-    for axis, i in enumerate(AT["inner_lever"]):
-        by_force[:, axis, i] += np.sum(omega**2, axis=1) - omega[:, axis] ** 2
-    return by_rate, by_force
+    omega = (gyro - p[AT["gyro_bias"]]) @ np.linalg.inv(matrix(p, "gyro")).T
+    inverse, force = np.linalg.inv(matrix(p, "accel")).T, accel
+    for _ in range(4):
+        force = force - (sensed(p, omega, force)[1] - accel) @ inverse
+    return omega, force + p[AT["inner_lever"]] * (np.sum(omega**2, axis=-1, keepdims=True) - omega**2)
+
+
+def turned(C, v):
+    """Return the products of matrices, shape (..., 3, 3), and vectors, shape (..., 3)."""
+    return (C @ v[..., None])[..., 0]
 
 
 def skew(v):
@@ -88,18 +72,13 @@ def skew(v):
 
 def rotation(v):
     """Return the rotation matrices of rotation vectors, rad, shape (..., 3, 3)."""
-    return Rotation.from_rotvec(v).as_matrix()
-
-
-def earth_rate(latitude):
-    """Return the rotation rate of the earth in east, north, up, rad/s."""
-    return EARTH_RATE * np.array([0.0, np.cos(latitude), np.sin(latitude)])
+    return Rotation.from_rotvec(v.reshape(-1, 3)).as_matrix().reshape(*v.shape, 3)
 
 
 def normal_gravity(latitude, height):
     """Return Somigliana's normal gravity of WGS-84, m/s²."""
     a, f, s = 6378137.0, 1.0 / 298.257223563, np.sin(latitude) ** 2
-    equator, pole, b = 9.7803253359, 9.8321849378, 6378137.0 * (1.0 - 1.0 / 298.257223563)
+    equator, pole, b = 9.7803253359, 9.8321849378, a * (1.0 - f)
     surface = equator * (1.0 + (b * pole / (a * equator) - 1.0) * s) / np.sqrt(1.0 - f * (2.0 - f) * s)
     m = EARTH_RATE**2 * a**2 * b / 3.986004418e14
     return surface * (1.0 - 2.0 * (1.0 + f + m - 2.0 * f * s) * height / a + 3.0 * height**2 / a**2)

@@ -8,114 +8,171 @@ from pathlib import Path
 import numpy as np
 
 from .claims import DAMAGED, contradictions, read_claims, result_claim
-from .estimate import Joint, solve_positions, solve_rate
-from .model import AT, COUNT, GROUPS, NAMES
-from .navigation import solve_motion
+from .estimate import Joint, position_equations, rate_equations, solve
+from .model import AT, BIASES, COUNT, GROUP, NAMES
+from .navigation import motion_equations
 from .samples import NotCoveredError, UnreadableError, read_log, stages_of
 
 #: Largest difference in standard deviations, of sigmas as a ratio, and of correlation coefficients.
 VALUE, SIGMA, CORRELATION = 0.1, 0.02, 0.05
-#: Ratio to the profile's noise below which the table is quiet, see `_values`.
+#: Ratio to the profile's noise below which the table is quiet, see `Solution.table`.
 QUIET = 0.8
-#: Solvers and estimated parameters of the stages.
+#: Equations and estimated parameters of the stages.
 STAGES = {
-    "rate": (solve_rate, AT["gyro_scale"]),
-    "six_position": (solve_positions, [*AT["accel_scale"], *AT["accel_bias"]]),
-    "excitation": (solve_motion, range(COUNT)),
-    "designed": (solve_motion, range(COUNT)),
-    "azimuth_flip": (solve_motion, [*AT["gyro_bias"], *AT["accel_bias"]]),
+    "rate": (rate_equations, AT["gyro_scale"]),
+    "six_position": (position_equations, AT["accel_scale"] + AT["accel_bias"]),
+    "excitation": (motion_equations, [*range(COUNT)]),
+    "designed": (motion_equations, [*range(COUNT)]),
+    "azimuth_flip": (motion_equations, BIASES),
 }
 #: Exit codes: all agrees, something does not, a file cannot be read, the log needs what this program does not compute.
 AGREES, DIFFERS, UNREADABLE, NOT_COVERED = 0, 1, 2, 5
 
 
 class Solution:
-    """The independent estimate of a log."""
+    """The independent estimate of a log, and what follows from it."""
 
-    def __init__(self, log, stages, noise):
-        """Solve the stages in the order of `stages`; `noise` is the ratio to the noise of the table by stage."""
-        setting, recorded = log.setting, stages_of(log)
-        self.prior = np.sqrt(np.diag(setting.covariance))
-        self.stage, velocity, joint = {}, setting.velocity, Joint.prior(setting)
-        for name in stages:
+    def __init__(self, log, result):
+        """Solve the stages of a result in their order, with the table's noise in each as the run measured it."""
+        checks, s, self.stage, self.meta = result.get("checks", []), log.setting, {}, log.setting.meta
+        if any(check.get("kind") == "imu_noise" and check["value"] > 1.0 + 1e-9 for check in checks):
+            raise NotCoveredError("a unit that is noisier than its profile, whose sigmas the run has increased")
+        noise = {check["subject"]: check["value"] for check in checks if check.get("kind") == "table_noise"}
+        recorded = stages_of(log, result["log"].get("first_seq", 0), result["log"].get("last_seq", 2**62))
+        joint, velocity, self.prior = Joint.prior(s.mean, s.covariance), s.velocity, np.sqrt(np.diag(s.covariance))
+        for name in result.get("stages", []):
             if name not in STAGES:
                 raise NotCoveredError(f"the method {name}")
             if name not in recorded:
                 raise UnreadableError(f"the log has no samples of the stage {name}")
-            solver, estimated = STAGES[name]
-            setting.velocity = velocity * max(noise.get(name, 1.0), 1.0) ** 2
-            joint = solver(recorded[name], setting, joint).keeping(joint, list(estimated))
-            self.stage.update({NAMES[i]: name for i in estimated if self.prior[i] > 0.0})
-        shift = setting.gravity_sigma * joint.gravity[:COUNT]
-        covariance = joint.covariance[:COUNT, :COUNT] + np.outer(shift, shift)
-        self.mean, self.sigma = joint.mean[:COUNT], np.sqrt(np.diag(covariance))
+            linearise, estimated = STAGES[name]
+            s.velocity = velocity * max(noise.get(name, 1.0), 1.0) ** 2
+            joint = solve(name, linearise(recorded[name], s, joint), joint, estimated)
+            self.stage |= {i: name for i in estimated if self.prior[i] > 0.0}
+        self.mean, covariance, offsets = joint.complete(s.offset, s.offset_sigma, s.gravity_sigma / s.gravity)
+        self.sigma = np.sqrt(np.diag(covariance))
         scale = np.where(self.sigma > 0.0, self.sigma, 1.0)
         self.correlation = covariance / np.outer(scale, scale)
-        # the part of each sigma that is due to the offsets of the table's axes
-        part = joint.covariance[:COUNT, COUNT:] / np.fmax(joint.sigma[COUNT:], 1e-300)
-        self.offset_share = np.linalg.norm(part, axis=1) / scale
+        # on a quiet table, the product determines the offsets of the axes with the noise that it measured
+        self.share = np.sqrt(np.diag(offsets)) / scale * any(ratio < QUIET for ratio in noise.values())
 
-    def decisions(self, product):
-        """Return (name, kind) -> (passed, whether a tolerable difference may change it) for the limits of a product."""
-        decided, guard = {}, 2.0 if (product.get("conformity") or {}).get("rule") == "guard_band" else 0.0
-        limits = product.get("limits", {})
-        for i, name in enumerate(NAMES):
-            group = next(g for g in GROUPS if i in AT[g])
-            limit, stage, sigma = limits.get(name, limits.get(group)), self.stage.get(name), self.sigma[i]
-            if limit is None or stage is None or sigma > 0.9 * self.prior[i]:
-                continue
-            within = limit.get("within")
-            if within is not None:
-                low, high = within if isinstance(within, list) else (-within, within)
-                margin = min(self.mean[i] - low, high - self.mean[i]) - guard * sigma
-                decided[name, "within"] = margin >= 0.0, abs(margin) < (VALUE + guard * SIGMA) * sigma
-            largest = limit.get("sigma_below_after", {}).get(stage, limit.get("sigma_below"))
-            if largest is not None:
-                decided[name, "sigma_below"] = sigma <= largest, abs(sigma - largest) < SIGMA * sigma
-        return decided
+    def table(self):
+        """Return what a claim should state: (kind, subject) -> (value, smallest, largest) that agree."""
+        rows = {}
+        for i in (i for i in self.stage if self.sigma[i] > 0.0):
+            name, mean, sigma, share = NAMES[i], float(self.mean[i]), float(self.sigma[i]), float(self.share[i])
+            width, narrow = (VALUE + share) * sigma, np.sqrt(max(1.0 - share**2, 0.0)) - SIGMA
+            rows["value", name] = mean, mean - width, mean + width
+            rows["sigma", name] = sigma, narrow * sigma, (1.0 + SIGMA) * sigma
+            for j in self.stage:
+                value, width = float(self.correlation[i, j]), CORRELATION + 2.0 * max(share, self.share[j])
+                rows["correlation", f"{name}, {NAMES[j]}"] = value, value - width, value + width
+            decisions = dict(self._decisions(i))
+            rows |= {(kind, name): decision for kind, decision in decisions.items()}
+            if decisions:
+                rows["decision", name] = tuple(all(column) for column in zip(*decisions.values(), strict=True))
+        return rows
+
+    def _decisions(self, i):
+        """Yield the kind and the decision on a parameter: whether it passes, certainly, and possibly."""
+        product, sigma = self.meta.get("product") or {}, self.sigma[i]
+        limits, guard = product.get("limits", {}), 2.0 * ((product.get("conformity") or {}).get("rule") == "guard_band")
+        limit = limits.get(NAMES[i], limits.get(GROUP[i]))
+        if limit is None or sigma > 0.9 * self.prior[i]:
+            return
+        margins, within = {}, limit.get("within")
+        if within is not None:
+            low, high = within if isinstance(within, list) else (-within, within)
+            margin = min(self.mean[i] - low, high - self.mean[i]) - guard * sigma
+            margins["within"] = margin, (VALUE + guard * SIGMA) * sigma
+        largest = limit.get("sigma_below_after", {}).get(self.stage[i], limit.get("sigma_below"))
+        if largest is not None:
+            margins["sigma_below"] = largest - sigma, SIGMA * sigma
+        for kind, (margin, tolerance) in margins.items():
+            yield kind, (bool(margin >= 0.0), bool(margin >= tolerance), bool(margin > -tolerance))
 
 
 def verify(source, log_path=None):
     """Return the comparison as JSON values. Raises UnreadableError and NotCoveredError."""
     source = Path(source)
-    is_log = source.suffix == ".h5"
-    claims = [] if is_log else read_claims(source)
-    log = read_log(source if is_log else find_log(source, claims, log_path))
+    claims = [] if source.suffix == ".h5" else read_claims(source)
+    log = read_log(_find_log(source, claims, log_path) if claims else source)
     stored = [result for result in log.results if result.get("parameters")][-1:]
-    if is_log:
+    if not claims:
         if not stored:
             raise UnreadableError(f"{source} contains no result; give a certificate or a result of this log")
         claims = [result_claim(stored[0], source.name)]
     result = next((claim.result for claim in claims if claim.result), *stored or [None])
     if result is None:
         raise UnreadableError(f"neither {source} nor the log names the stages that were solved")
-    findings = [*_finding("contradiction", contradictions(claims)), *_finding("digest", _digests(log, claims))]
-    serial, noise = log.setting.meta["imu"]["serial"], _noise(result)
-    others = [(c.serial, f"{c.source} is about {c.serial}, the log about {serial}") for c in claims]
-    findings += _finding("serial", [(stated, text) for stated, text in others if stated not in (None, serial)])
-    first, last = result["log"].get("first_seq", 0), result["log"].get("last_seq", np.iinfo(np.int64).max)
-    log.rows = log.rows[(log.rows["seq"] >= first) & (log.rows["seq"] <= last)]
     try:
-        solution = Solution(log, result.get("stages", []), noise)
+        solution = Solution(log, result)
     except np.linalg.LinAlgError as exc:
         raise NotCoveredError(f"a log without a solution ({exc})") from exc
-    parameters, decided = {}, solution.decisions(log.setting.meta.get("product") or {})
-    quiet = any(ratio < QUIET for ratio in noise.values())
+    serial, own = log.setting.meta["imu"]["serial"], solution.table()
+    given = {("serial", "unit"): serial} | {("digest", key): digest for key, digest in log.digests.items()}
+    own |= {key: (value, value, value) for key, value in given.items()}
+    rows = [*contradictions(claims)]
+    if log.closed not in (None, log.digests["log"]):
+        rows += [("digest", "log", "samples or configuration were changed after the log was closed")]
+    decided = {key: row for key, row in own.items() if key[0] in ("within", "sigma_below")}
+    failed = [" ".join(key[::-1]) for key, row in decided.items() if not row[2]]
+    failed += [check["name"] for check in result.get("checks", []) if not check["passed"]]
+    certain, parameters = not failed and all(row[1] for row in decided.values()), {}
     for claim in claims:
-        findings += _values(claim, solution, parameters, quiet)
-    for claim in claims:
-        findings += _verdict(claim, result, decided)
-    limits = ("pass" if all(passed for passed, _ in decided.values()) else "fail") if decided else None
+        reasons = failed + ["stages of the product that were omitted"] * (
+            claim.result is None and bool(result.get("partial"))
+        )
+        own["verdict", "unit"] = not reasons, certain and not reasons, not reasons
+        rows += _compare(claim, own, solution, f" ({', '.join(reasons[:5])})" * bool(reasons))
+        for name in (name for kind, name in own if kind == "value" and ("value", name) in claim.table):
+            stated, (mean, sigma) = (
+                [t[k, name] for k in ("value", "sigma")] for t in (claim.table, {k: r[0] for k, r in own.items()})
+            )
+            row = {"stated": stated, "own": [mean, sigma], "difference": (stated[0] - mean) / sigma}
+            parameters.setdefault(name, row | {"sigma_ratio": stated[1] / sigma})
+    verdict = {True: "pass", False: "fail", None: None}
+    limits = all(row[0] for row in decided.values()) if decided else None
     return {
         "schema": "calstation.verify/1", "source": str(source), "serial": serial,
-        "log": log.digests, "agrees": not findings, "parameters": parameters,
-        "verdict": {"stated": claims[0].verdict, "limits": limits},
-        "largest": max((abs(row["difference"]) for row in parameters.values()), default=None), "findings": findings,
+        "log": log.digests, "agrees": not rows, "parameters": parameters,
+        "verdict": {"stated": verdict[claims[0].table.get(("verdict", "unit"))], "limits": verdict[limits]},
+        "largest": max((abs(row["difference"]) for row in parameters.values()), default=None),
+        "findings": [dict(zip(("code", "subject", "text"), row, strict=True)) for row in rows],
     }  # fmt: skip
 
 
-def find_log(source, claims, log_path):
-    """Return the log of a certificate: the given one, or the one beside it with the certificate's digest."""
+def _compare(claim, own, solution, reasons):
+    """Yield (code, subject, text) for every statement of a claim that differs from the own table, or lacks in it."""
+    for kind, name in own:
+        if kind == "value" and (kind, name) not in claim.table:
+            yield "missing", name, f"{claim.source} does not state it"
+    for (kind, name), stated in claim.table.items():
+        if (kind, name) in own:
+            value, low, high = own[kind, name]
+            if not low <= stated <= high:
+                text = f"{claim.source} states a {kind} of {_text(stated)}, the log gives {_text(value)}"
+                yield (
+                    "decision" if kind in ("within", "sigma_below") else kind,
+                    name,
+                    text + reasons * (kind == "verdict"),
+                )
+        elif kind == "value" and solution.prior[NAMES.index(name)]:
+            yield "unfounded", name, f"{claim.source} states it, but no stage of the run determines it"
+
+
+def _text(value):
+    return (
+        {True: "pass", False: "fail"}[value]
+        if isinstance(value, bool)
+        else f"{value:.6g}"
+        if isinstance(value, float)
+        else value
+    )
+
+
+def _find_log(source, claims, log_path):
+    """Return the log of a certificate: the given one, or the one beside it."""
     if log_path is not None:
         return Path(log_path)
     for claim in claims:
@@ -126,94 +183,17 @@ def find_log(source, claims, log_path):
     raise UnreadableError(f"the log of {source} is not beside it; give it by --log")
 
 
-def _finding(code, rows):
-    return [{"code": code, "subject": subject, "text": text} for subject, text in rows]
-
-
-def _noise(result):
-    """Return the ratio of the table's noise to its profile by stage, as the run measured it. Raises NotCoveredError."""
-    checks = result.get("checks", [])
-    if any(check.get("kind") == "imu_noise" and check["value"] > 1.0 + 1e-9 for check in checks):
-        raise NotCoveredError("a unit that is noisier than its profile, whose sigmas the run has increased")
-    return {check["subject"]: check["value"] for check in checks if check.get("kind") == "table_noise"}
-
-
-def _digests(log, claims):
-    if log.damaged:
-        yield "samples", f"{log.damaged} rows have a wrong checksum"
-    if log.closing and log.closing.get("sha256") != log.digests["log"]:
-        yield "log", "samples or configuration were changed after the log was closed"
-    for claim in claims:
-        for key, stated in claim.digests.items():
-            if stated and stated != log.digests[key]:
-                yield key, f"{claim.source} is about another {key}: {stated[:16]}..., not {log.digests[key][:16]}..."
-
-
-def _values(claim, solution, parameters, quiet):
-    """Compare values, sigmas and correlations of a claim, and add them to `parameters`; return findings.
-
-    On a `quiet` table, the product determines the offsets of the axes with the noise that it measured.
-    """
-    share, source, rows = solution.offset_share * quiet, claim.source, []
-    missing = [name for name in solution.stage if name not in claim.values]
-    rows += _finding("missing", [(name, f"{source} does not state it") for name in missing])
-    for name, (value, sigma) in claim.values.items():
-        i = NAMES.index(name)
-        mean, own = float(solution.mean[i]), float(solution.sigma[i])
-        if name not in solution.stage and solution.prior[i]:
-            rows += _finding("unfounded", [(name, f"{source} states it, but no stage of the run determines it")])
-        if name not in solution.stage or not own:
-            continue
-        difference, ratio = (value - mean) / own, sigma / own
-        row = {"stated": [value, sigma], "own": [mean, own], "difference": difference, "sigma_ratio": ratio}
-        parameters.setdefault(name, row)
-        if not abs(difference) <= VALUE + share[i]:
-            text = f"{source} states {value:.6g}, the samples give {mean:.6g} ({difference:+.2f} sigma)"
-            rows += _finding("value", [(name, text)])
-        if not np.sqrt(max(1.0 - share[i] ** 2, 0.0)) - SIGMA <= ratio <= 1.0 + SIGMA:
-            rows += _finding("sigma", [(name, f"{source} states a sigma of {sigma:.4g}, the samples give {own:.4g}")])
-    for (one, other), stated in claim.correlation.items():
-        if one in solution.stage and other in solution.stage:
-            i, j = NAMES.index(one), NAMES.index(other)
-            if not abs(stated - solution.correlation[i, j]) <= CORRELATION + 2.0 * max(share[i], share[j]):
-                text = f"{source} states {stated:.3f}, the samples give {solution.correlation[i, j]:.3f}"
-                rows += _finding("correlation", [(f"{one}, {other}", text)])
-    return rows
-
-
-def _verdict(claim, result, decided):
-    """Compare the decisions of a claim on single values, and its verdict; return findings."""
-    rows, source = [], claim.source
-    for (name, kind), stated in claim.decisions.items():
-        own = [decided[name, k] for k in ([kind] if kind else ["within", "sigma_below"]) if (name, k) in decided]
-        if own and not any(near for _, near in own) and all(passed for passed, _ in own) != stated:
-            text = f"{source} states {'pass' if stated else 'fail'} ({kind or 'limits'}), the samples do not"
-            rows += _finding("decision", [(name, text)])
-    failed = [f"{name} {kind}" for (name, kind), (passed, near) in decided.items() if not passed and not near]
-    failed += [check["name"] for check in result.get("checks", []) if not check["passed"]]
-    if claim.verdict == "pass" and claim.result is None and result.get("partial"):
-        rows += _finding("verdict", [("pass", f"{source} states pass, but the run omitted stages of the product")])
-    if claim.verdict == "pass" and failed:
-        rows += _finding("verdict", [("pass", f"{source} states pass, but these failed: {', '.join(failed[:5])}")])
-    if claim.verdict == "fail" and not failed and not any(near for _, near in decided.values()):
-        text = f"{source} states fail, but every value is within its limits and no check failed"
-        rows += _finding("verdict", [("fail", text)])
-    return rows
-
-
 def show(report):
     """Print the comparison as a table."""
     print(f"{'parameter':<20}{'stated':>15}{'own':>15}{'sigma':>12}{'difference':>12}{'sigma ratio':>13}")
     for name, row in report["parameters"].items():
-        own, sigma = row["own"]
-        print(f"{name:<20}{row['stated'][0]:>15.6e}{own:>15.6e}{sigma:>12.2e}", end="")
-        print(f"{row['difference']:>+12.4f}{row['sigma_ratio']:>13.4f}")
+        numbers = f"{row['stated'][0]:>15.6e}{row['own'][0]:>15.6e}{row['own'][1]:>12.2e}"
+        print(f"{name:<20}{numbers}{row['difference']:>+12.4f}{row['sigma_ratio']:>13.4f}")
     for finding in report["findings"]:
         print(f"{finding['code']}: {finding['subject']}: {_printable(finding['text'])}")
-    verdict, count = report["verdict"], len(report["findings"])
     print(f"log {report['log']['log']}")
-    print(f"verdict stated: {verdict['stated']}; limits by own values: {verdict['limits']}")
-    print("The log agrees." if report["agrees"] else f"The log does not agree: {count} findings.")
+    print("verdict stated: {stated}; limits by own values: {limits}".format(**report["verdict"]))
+    print("The log agrees." if report["agrees"] else f"The log does not agree: {len(report['findings'])} findings.")
 
 
 def _printable(text):
@@ -228,23 +208,20 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("source", metavar="CERTIFICATE.pdf|DCC.xml|RESULT.json|LOG.h5")
     parser.add_argument("--log", metavar="LOG.h5", help="log of the certificate, if it is not beside it")
     parser.add_argument("--json", metavar="FILE|-", help="write the comparison as JSON")
-    options, reason = parser.parse_args(arguments), ""
+    options = parser.parse_args(arguments)
     try:
         report = verify(options.source, options.log)
+        text = json.dumps(report, indent=1)
         if options.json and options.json != "-":
-            Path(options.json).write_text(json.dumps(report, indent=1), encoding="utf-8")
+            Path(options.json).write_text(text, encoding="utf-8")
     except NotCoveredError as exc:
-        print(_printable(f"verify: This program does not cover {exc}."), file=sys.stderr)
-        return NOT_COVERED
+        code, reason = NOT_COVERED, f"This program does not cover {exc}."
     except (UnreadableError, OSError) as exc:
-        reason = str(exc)
+        code, reason = UNREADABLE, str(exc)
     except DAMAGED as exc:
-        reason = f"{options.source} has an entry of another kind than expected: {exc!r}"
-    if reason:
-        print(f"verify: {_printable(reason)}", file=sys.stderr)
-        return UNREADABLE
-    if options.json == "-":
-        print(json.dumps(report, indent=1))
+        code, reason = UNREADABLE, f"{options.source} has an entry of another kind than expected: {exc!r}"
     else:
-        show(report)
-    return AGREES if report["agrees"] else DIFFERS
+        print(text) if options.json == "-" else show(report)
+        return AGREES if report["agrees"] else DIFFERS
+    print(f"verify: {_printable(reason)}", file=sys.stderr)
+    return code

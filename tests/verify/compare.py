@@ -23,6 +23,7 @@ from calstation.results import resolve
 from calstation.simulation import bench_config
 from calstation.verify import samples, verify
 from procedures import method
+from tests.make_references import SHORT
 from tests.outside.sweep import PRODUCTS, bench_settings, simulator_of
 from tests.outside.sweep import Case as SweepCase
 
@@ -44,7 +45,8 @@ class Case:
     grade: str
     kind: str
     simulator: Literal["bench", "plain"]
-    length: float  #: Ratio of the duration of rests, or the number of designed moves, to that of the product.
+    is_short: bool  #: Whether the schedule is that of the reference logs instead of the product's.
+    length: float  #: Ratio of the duration of rests to that of the product.
     outer_lever: Literal["estimated", "fixed"]
     latitude_deg: float
     gap: bool  #: Whether samples of the last stage are missing.
@@ -70,11 +72,10 @@ def cases(count: int) -> Iterator[Case]:
         kind = [*KINDS][number % len(KINDS)]
         grade = [*PRODUCTS][number // len(KINDS) % len(PRODUCTS)]
         simulator: Literal["bench", "plain"] = "plain" if random.random() < 0.3 else "bench"
-        length = float(random.choice([0.5, 1.0, 1.5]))
+        is_short, length = bool(random.random() < 0.8), float(random.choice([0.25, 0.5, 1.0]))
         lever: Literal["estimated", "fixed"] = "fixed" if random.random() < 0.2 else "estimated"
-        yield Case(
-            number, grade, kind, simulator, length, lever, float(random.uniform(-60.0, 60.0)), random.random() < 0.2
-        )
+        latitude, gap = float(random.uniform(-60.0, 60.0)), bool(random.random() < 0.2)
+        yield Case(number, grade, kind, simulator, is_short, length, lever, latitude, gap)
 
 
 def write_log(case: Case, path: Path) -> int:
@@ -99,7 +100,8 @@ def write_log(case: Case, path: Path) -> int:
         entries = schedule.model_dump()
         rounds = max(round(min(case.length, 1.0) * entries.get("rounds", 0)), 1)
         rests = {name: case.length * value for name, value in entries.items() if name.endswith("dwell_s")}
-        schedule = schedule.model_copy(update=rests)
+        rounds = 1 if case.is_short else rounds
+        schedule = schedule.model_copy(update=SHORT.get(stage, rests) if case.is_short else rests)
         s = simulator.run(method(stage).plan(setup.table.geometry(), schedule), stage, rounds)
         valid = np.ones(len(s.seq), dtype=np.bool_)
         block = SampleBlock(stage, s.seq, s.time, s.counts, s.angles, s.step, valid, s.temperature)
@@ -146,7 +148,7 @@ def main() -> int:
                 continue
             compared.append(done)
             print(
-                f"{case.number}: {case.kind}, {case.grade}, {case.simulator}, {case.length:g}, {case.outer_lever}: "
+                f"{case.number}: {case.kind}, {case.grade}, {case.simulator}, {case.length:g}{' short' * case.is_short}, {case.outer_lever}: "
                 f"{done.largest:.4f} sigma ({done.parameter}), sigma ratio {done.sigma_ratio:.4f}, {done.seconds:.1f} s"
                 + "".join(f"\n    {each}" for each in done.findings),
                 file=sys.stderr,
