@@ -55,9 +55,8 @@ def result_claim(result, source):
     table = {("digest", key): digest for key, digest in digests.items() if digest}
     table["serial", "unit"] = result["unit"]["serial"]
     for name in (name for name in result["parameters"] if name in NAMES):
-        table["value", name], table["sigma", name] = (
-            float(result["parameters"][name][key]) for key in ("value", "sigma")
-        )
+        row = result["parameters"][name]
+        table["value", name], table["sigma", name] = float(row["value"]), float(row["sigma"])
     for one, row in result.get("correlation", {}).items():
         table |= {("correlation", f"{one}, {other}"): float(value) for other, value in row.items()}
     for check in result.get("checks", []):
@@ -89,9 +88,8 @@ def _dcc(data):
         table["verdict", "unit"] = conformity.text.strip() == "pass"
     for quantity in root.iterfind(".//{*}quantity[@refType='basic_measuredValue']"):
         values = quantity.find("{*}realListXMLList")
-        names, factor, widths = (
-            _words(values, tag) for tag in ("labelXMLList", "coverageFactorXMLList", "uncertaintyXMLList")
-        )
+        names, factor = _words(values, "labelXMLList"), _words(values, "coverageFactorXMLList")
+        widths = _words(values, "uncertaintyXMLList")
         sigmas = [float(width) / float(factor[0]) for width in widths] if widths else [math.nan]
         columns = {"value": [float(word) for word in _words(values, "valueXMLList")], "sigma": sigmas}
         if decided := _words(quantity, "conformityXMLList"):
@@ -119,7 +117,7 @@ def _joint(table, rows, matrix):
 
 
 def _same(one, other):
-    return math.isclose(one, other, rel_tol=1e-6, abs_tol=1e-30) if isinstance(one, float) else one == other
+    return math.isclose(one, other, rel_tol=1e-6) if {type(one), type(other)} == {float} else one == other
 
 
 def contradictions(claims):

@@ -52,7 +52,7 @@ class Segment:
         They are central differences over a few groups of samples with the force that gravity and the rotation imply.
         The accelerometers' parameters act on the force at the reference point, as in calstation.
         """
-        groups = next(k for k in (2, 1) if self.stride % k == 0)
+        groups = next(k for k in (5, 4, 3, 2, 1) if self.stride % k == 0)
         gyro, dt, C = (
             self.gyro[:, 1:].reshape(self.count, groups, -1, 3).mean(axis=2),
             self.T / groups,

@@ -25,6 +25,7 @@ STAGES = {
     "designed": (motion_equations, [*range(COUNT)]),
     "azimuth_flip": (motion_equations, BIASES),
 }
+WORDS = {True: "pass", False: "fail"}
 #: Exit codes: all agrees, something does not, a file cannot be read, the log needs what this program does not compute.
 AGREES, DIFFERS, UNREADABLE, NOT_COVERED = 0, 1, 2, 5
 
@@ -112,31 +113,27 @@ def verify(source, log_path=None):
     serial, own = log.setting.meta["imu"]["serial"], solution.table()
     given = {("serial", "unit"): serial} | {("digest", key): digest for key, digest in log.digests.items()}
     own |= {key: (value, value, value) for key, value in given.items()}
-    rows = [*contradictions(claims)]
+    rows, parameters = [*contradictions(claims)], {}
     if log.closed not in (None, log.digests["log"]):
         rows += [("digest", "log", "samples or configuration were changed after the log was closed")]
-    decided = {key: row for key, row in own.items() if key[0] in ("within", "sigma_below")}
-    failed = [" ".join(key[::-1]) for key, row in decided.items() if not row[2]]
+    decided = {" ".join(key[::-1]): row for key, row in own.items() if key[0] in ("within", "sigma_below")}
+    failed = [name for name, (_, _, possibly) in decided.items() if not possibly]
     failed += [check["name"] for check in result.get("checks", []) if not check["passed"]]
-    certain, parameters = not failed and all(row[1] for row in decided.values()), {}
+    is_certain = all(certainly for _, certainly, _ in decided.values())
     for claim in claims:
-        reasons = failed + ["stages of the product that were omitted"] * (
-            claim.result is None and bool(result.get("partial"))
-        )
-        own["verdict", "unit"] = not reasons, certain and not reasons, not reasons
-        rows += _compare(claim, own, solution, f" ({', '.join(reasons[:5])})" * bool(reasons))
-        for name in (name for kind, name in own if kind == "value" and ("value", name) in claim.table):
-            stated, (mean, sigma) = (
-                [t[k, name] for k in ("value", "sigma")] for t in (claim.table, {k: r[0] for k, r in own.items()})
-            )
-            row = {"stated": stated, "own": [mean, sigma], "difference": (stated[0] - mean) / sigma}
-            parameters.setdefault(name, row | {"sigma_ratio": stated[1] / sigma})
-    verdict = {True: "pass", False: "fail", None: None}
-    limits = all(row[0] for row in decided.values()) if decided else None
+        is_partial = claim.result is None and bool(result.get("partial"))
+        reasons = failed + ["stages of the product that were omitted"] * is_partial
+        own["verdict", "unit"] = not reasons, is_certain and not reasons, not reasons
+        rows += _compare(claim, own, solution, reasons)
+        for name in (name for kind, name in own if kind == "value" and (kind, name) in claim.table):
+            (value, mean), (width, sigma) = ((claim.table[k, name], own[k, name][0]) for k in ("value", "sigma"))
+            row = {"stated": [value, width], "own": [mean, sigma], "difference": (value - mean) / sigma}
+            parameters.setdefault(name, row | {"sigma_ratio": width / sigma})
+    limits = WORDS[all(passed for passed, *_ in decided.values())] if decided else None
     return {
         "schema": "calstation.verify/1", "source": str(source), "serial": serial,
         "log": log.digests, "agrees": not rows, "parameters": parameters,
-        "verdict": {"stated": verdict[claims[0].table.get(("verdict", "unit"))], "limits": verdict[limits]},
+        "verdict": {"stated": WORDS.get(claims[0].table.get(("verdict", "unit"))), "limits": limits},
         "largest": max((abs(row["difference"]) for row in parameters.values()), default=None),
         "findings": [dict(zip(("code", "subject", "text"), row, strict=True)) for row in rows],
     }  # fmt: skip
@@ -144,31 +141,20 @@ def verify(source, log_path=None):
 
 def _compare(claim, own, solution, reasons):
     """Yield (code, subject, text) for every statement of a claim that differs from the own table, or lacks in it."""
-    for kind, name in own:
-        if kind == "value" and (kind, name) not in claim.table:
-            yield "missing", name, f"{claim.source} does not state it"
+    missing = [name for kind, name in own if kind == "value" and (kind, name) not in claim.table]
+    yield from (("missing", name, f"{claim.source} does not state it") for name in missing)
     for (kind, name), stated in claim.table.items():
-        if (kind, name) in own:
-            value, low, high = own[kind, name]
-            if not low <= stated <= high:
-                text = f"{claim.source} states a {kind} of {_text(stated)}, the log gives {_text(value)}"
-                yield (
-                    "decision" if kind in ("within", "sigma_below") else kind,
-                    name,
-                    text + reasons * (kind == "verdict"),
-                )
-        elif kind == "value" and solution.prior[NAMES.index(name)]:
+        value, low, high = own.get((kind, name), (stated, stated, stated))
+        if not low <= stated <= high:
+            text = f"{claim.source} states a {kind} of {_text(stated)}, the log gives {_text(value)}"
+            reason = f" ({', '.join(reasons[:5])})" if reasons and kind == "verdict" else ""
+            yield "decision" if kind in ("within", "sigma_below") else kind, name, text + reason
+        if kind == "value" and (kind, name) not in own and solution.prior[NAMES.index(name)]:
             yield "unfounded", name, f"{claim.source} states it, but no stage of the run determines it"
 
 
 def _text(value):
-    return (
-        {True: "pass", False: "fail"}[value]
-        if isinstance(value, bool)
-        else f"{value:.6g}"
-        if isinstance(value, float)
-        else value
-    )
+    return WORDS[value] if isinstance(value, bool) else str(value)
 
 
 def _find_log(source, claims, log_path):

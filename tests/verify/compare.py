@@ -72,7 +72,7 @@ def cases(count: int) -> Iterator[Case]:
         kind = [*KINDS][number % len(KINDS)]
         grade = [*PRODUCTS][number // len(KINDS) % len(PRODUCTS)]
         simulator: Literal["bench", "plain"] = "plain" if random.random() < 0.3 else "bench"
-        is_short, length = bool(random.random() < 0.8), float(random.choice([0.25, 0.5, 1.0]))
+        is_short, length = bool(random.random() < 0.9), float(random.choice([0.25, 0.5, 1.0]))
         lever: Literal["estimated", "fixed"] = "fixed" if random.random() < 0.2 else "estimated"
         latitude, gap = float(random.uniform(-60.0, 60.0)), bool(random.random() < 0.2)
         yield Case(number, grade, kind, simulator, is_short, length, lever, latitude, gap)
