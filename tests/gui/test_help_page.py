@@ -163,6 +163,7 @@ def test_an_installed_program_has_the_manual(tmp_path: Path, monkeypatch: pytest
     assert library.manual_folder() == installed / "docs"
 
 
+@pytest.mark.usefixtures("engineer_page")
 @pytest.mark.parametrize("code", ["en", "zh_CN"])
 def test_f1_during_and_after_a_run_opens_what_the_operator_needs(simulated_run: Operator, code: str) -> None:
     window, link = simulated_run.window, simulated_run.window.app.engine_link

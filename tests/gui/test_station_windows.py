@@ -83,6 +83,7 @@ def test_second_window_shows_the_run_of_the_first_one_and_stops_it(
     assert "READY (other window)" in second.says()
     assert second.message == "This station is open in another window"
     second.scan(SERIAL)
+    second.window.create_engineer_page()
     for start in (second.widget("start_button", QPushButton), second.widget("engineer_start_button", QPushButton)):
         assert not start.isEnabled()
         assert "window" in start.toolTip()

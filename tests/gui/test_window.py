@@ -272,7 +272,7 @@ def test_pages_are_not_prepared_during_a_run(window: MainWindow, monkeypatch: py
 
 def test_preparation_creates_the_views_that_a_run_fills(window: MainWindow, qtbot: QtBot) -> None:
     window.show()
-    with qtbot.waitSignal(window.prepared, timeout=20_000):
+    with qtbot.waitSignal(window.prepared, timeout=60_000):
         window._prepare_next()
     analysis = cast(EngineerPage, window._tabs["engineer_page"].page).analysis
     assert None not in (view._view for view in (analysis.result, analysis.observability, analysis.cycle))
