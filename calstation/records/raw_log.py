@@ -156,22 +156,13 @@ class RawLogWriter:
             self._hdf5_handle: int = self._file.id.get_vfd_handle()
             self._reserve(len(content) + _METADATA)
             locked = acquire_lock(self._sync_handle, _LOCK_TIMEOUT, shared=True)
-        except OSError as exc:
+            self._create(content, **columns)
+        except (OSError, RuntimeError) as exc:  # h5py raises both
             self._remove()
             raise ConfigurationError("log.not_created", file=path, reason=_os_reason(exc)) from exc
         if not locked:
             self._remove()
             raise ConfigurationError("log.not_created", file=path, reason=Text("log.locked"))
-        configuration = np.frombuffer(content, np.uint8)
-        self._file.attrs["format"] = np.bytes_(FORMAT)  # fixed length: see `raw_read`
-        self._file.attrs["meta_crc32"] = zlib.crc32(configuration.tobytes())
-        self._file.create_dataset("meta", data=configuration)
-        self._row = row_dtype(len(meta.secondaries), **columns)
-        self._samples = self._create_growing("samples", self._row, CHUNK_ROWS)
-        self._stage_names = self._create_growing("stages", "S64", 16)
-        for name in TEXTS:
-            self._create_growing(name, np.uint8, 8192)
-        self._file.swmr_mode = True
         self._facts = FactsBuilder(meta)
         self._stages: dict[str, int] = {}
         self._stage = ""
@@ -188,6 +179,19 @@ class RawLogWriter:
         except ConfigurationError as exc:
             self.discard()
             raise self._not_created(exc) from exc
+
+    def _create(self, content: bytes, **columns: bool) -> None:
+        """Create all datasets, and switch SWMR mode on."""
+        configuration = np.frombuffer(content, np.uint8)
+        self._file.attrs["format"] = np.bytes_(FORMAT)  # fixed length: see `raw_read`
+        self._file.attrs["meta_crc32"] = zlib.crc32(configuration.tobytes())
+        # All datasets are kept open, because h5py ignores a write that fails when a dataset is closed.
+        self._configuration = self._file.create_dataset("meta", data=configuration)
+        self._row = row_dtype(len(self.meta.secondaries), **columns)
+        self._samples = self._create_growing("samples", self._row, CHUNK_ROWS)
+        self._stage_names = self._create_growing("stages", "S64", 16)
+        self._texts = {name: self._create_growing(name, np.uint8, 8192) for name in TEXTS}
+        self._file.swmr_mode = True
 
     def append(self, block: SampleBlock) -> None:
         """Append a block; the end of a stage is flushed immediately."""
@@ -272,7 +276,7 @@ class RawLogWriter:
             self._samples[end:] = rows
         for name, lines in self._lines.items():
             if lines:
-                _extend(self._file[name], "".join(lines))
+                _extend(self._texts[name], "".join(lines))
                 lines.clear()
         self._file.flush()
 
@@ -367,7 +371,7 @@ class RawLogWriter:
         """Remove a file that could not be created."""
         if hasattr(self, "_hdf5_handle"):
             self._disconnect()
-            with suppress(RuntimeError):  # nothing cannot be extended
+            with suppress(OSError, RuntimeError):  # nothing cannot be extended
                 self._file.close()
         os.close(self._sync_handle)
         self.path.unlink(missing_ok=True)

@@ -4,6 +4,7 @@ import io
 import sqlite3
 import struct
 import zlib
+from contextlib import suppress
 from pathlib import Path
 
 import h5py
@@ -167,3 +168,28 @@ def test_packed_recordings_within_the_limits_are_read(tmp_path: Path) -> None:
         scipy.io.savemat(tmp_path / "rec.mat", {"imu": imu, "s": settings}, do_compression=packed)
         (tmp_path / "rec.toml").write_text(TOML)
         assert open_log(tmp_path / "rec.mat", None, "imu").facts().samples == len(rows)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("value", [0.0, 1e300, np.inf, np.nan])
+def test_impossible_numbers_cause_no_warning(tmp_path: Path, value: float) -> None:
+    import scipy.io
+
+    rows = samples()
+    imu = np.column_stack([0.02 * rows[:, 1:], rows[:, 0]])
+    for columns in (slice(0, 1), slice(0, 6), slice(3, 6), slice(6, 7)):
+        changed = imu.copy()
+        changed[:, columns] = value
+        scipy.io.savemat(tmp_path / "rec.mat", {"imu": changed})
+        (tmp_path / "rec.toml").write_text(TOML)
+        with suppress(InputError):
+            list(open_log(tmp_path / "rec.mat", None, "imu").blocks())
+
+
+def test_damaged_text_of_tdms_is_not_printed(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    tdms = pytest.importorskip("nptdms", reason="npTDMS is not installed")
+    with tdms.TdmsWriter(path := tmp_path / "rec.tdms") as writer:
+        writer.write_segment([tdms.ChannelObject("imu", "accel_x", np.arange(9.0), {"unit_string": "äöü" * 9})])
+    path.write_bytes(path.read_bytes().replace("äöü".encode(), b"\xff" * 6))
+    assert_refused(path, "foreign.no_imu")
+    assert capfd.readouterr() == ("", "")

@@ -23,7 +23,8 @@ _HDF5, _HDF5_AT = b"\x89HDF\r\n\x1a\n", 512
 def _topics(path: Path) -> list[Topic]:
     topics = []
     for name, array in _arrays(path).items():
-        is_imu = array.shape[1] == _PSINS_WIDTH and bool((np.diff(array[:, -1]) > 0.0).all()) and len(array) > 1
+        later, earlier = array[1:, -1], array[:-1, -1]
+        is_imu = array.shape[1] == _PSINS_WIDTH and len(array) > 1 and bool((later > earlier).all())
         names = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z", "time_s")
         units = ("rad",) * 3 + ("m/s",) * 3 + ("s",)
         columns = {n: (f"{name}(:,{k})", u) for k, (n, u) in enumerate(zip(names, units, strict=True), 1)}

@@ -154,7 +154,8 @@ def _tables(
                 where = {"file": path, "line": int(rows[row]) + 1, "column": name, "cell": f"{column[row]:.15g}"}
                 raise InputError("csv.cell_too_large", **where)
             is_damaged |= is_wrong
-        scaled = {name: column * factors.get(name, 1.0) for name, column in values.items()}
+        with np.errstate(over="ignore", invalid="ignore"):  # a number that becomes too large is refused later
+            scaled = {name: column * factors.get(name, 1.0) for name, column in values.items()}
         table = SampleTable(scaled, [layout.stage] * len(rows), rows + 1, rows, rows[is_damaged])
         yield table.select(~is_damaged)
 

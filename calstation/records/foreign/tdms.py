@@ -1,7 +1,9 @@
 """TDMS files of LabVIEW: the channels of a group, named as in the CSV format or by `[columns]`."""
 
+import logging
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,10 +13,8 @@ from calstation.records.foreign.topics import Columns, ForeignFormat, Topic
 
 
 def _topics(path: Path) -> list[Topic]:
-    from nptdms import TdmsFile
-
     topics = []
-    with TdmsFile.open(path) as file:
+    with _opened(path) as file:
         for group in file.groups():
             channels = {channel.name: channel for channel in group.channels()}
             units = {
@@ -28,11 +28,18 @@ def _topics(path: Path) -> list[Topic]:
 
 
 def _read(path: Path, topic: Topic) -> Iterator[Columns]:
-    from nptdms import TdmsFile
-
-    with TdmsFile.open(path) as file:
+    with _opened(path) as file:
         channels = file[topic.name].channels()
         yield {each.name: np.asarray(each[:], np.float64) for each in channels if each.dtype.kind in "fiu"}
+
+
+def _opened(path: Path) -> Any:
+    """Open a file; the library prints no bytes of a damaged one."""
+    from nptdms import TdmsFile
+    from nptdms.log import log_manager
+
+    log_manager.set_level(logging.CRITICAL)
+    return TdmsFile.open(path)
 
 
 FORMAT = ForeignFormat("TDMS", (".tdms",), "npTDMS", _topics, _read)
