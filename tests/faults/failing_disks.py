@@ -132,7 +132,7 @@ def trial(seed: int, folder: Path, calls: tuple[int, int]) -> dict[str, Any]:
     found["stored"] = stored["outcome"]
     if stored["registers"] != end.result["registers"] or stored["outcome"] != end.result["outcome"]:
         wrong = "the stored result differs"
-    elif digest != stored["log"]["sha256"]:
+    elif digest != stored["log"]["sha256"] and (number, stored["outcome"]) != (errno.EIO, "fault"):  # a part is lost
         wrong = "digest of the log"
     return found | {"wrong": wrong}
 

@@ -10,15 +10,29 @@ import pytest
 
 hostile_files = pytest.importorskip("hostile_files", reason="limits of processes exist on POSIX only")
 
-#: One of each kind for the quick tests, and all.
-SAMPLE, ALL = 5, 3000
+#: Files of each kind of the program for the quick tests, recordings of each format for the rehearsals, and all.
+SAMPLE, RECORDINGS, ALL = 5, 14, 3000
 
 
 @pytest.mark.filterwarnings("ignore")  # a warning would be found in the messages
 def test_sample_of_hostile_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
     files = hostile_files.Files(tmp_path)
-    for seed in range(SAMPLE):
+    open_here(files, range(SAMPLE))
+
+
+@pytest.mark.long
+@pytest.mark.filterwarnings("ignore")
+def test_sample_of_hostile_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for library in ("rosbags", "mcap", "nptdms", "pyulog", "pymavlink", "novatel_edie"):
+        pytest.importorskip(library, reason=f"{library} is not installed")
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
+    open_here(hostile_files.Files(tmp_path), range(SAMPLE, RECORDINGS))
+
+
+def open_here(files: "hostile_files.Files", seeds: range) -> None:
+    """Open the files of seeds in this process."""
+    for seed in seeds:
         arguments = files.make(seed)
         started = time.process_time()
         wrong = hostile_files.complaint(*hostile_files.run_here(arguments))
