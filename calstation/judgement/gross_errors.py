@@ -221,6 +221,8 @@ def _fits(measured: FloatArray, expected: FloatArray) -> list[_Fit | None]:
 
     Without data, the only fit is None.
     """
+    has_direction = expected.any(axis=1)
+    measured, expected = measured[has_direction], expected[has_direction]
     if not len(measured):
         return [None]
     size = np.linalg.norm(expected, axis=1)

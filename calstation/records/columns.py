@@ -156,9 +156,14 @@ def unit_factors(layout: "Layout", meta: LogMeta) -> dict[str, float]:
 
 
 def min_step(columns: Iterable[FloatArray]) -> float:
-    """Return the smallest difference between two values of a column, shape (n,) each; 0 if all are constant."""
-    steps = [np.diff(np.unique(column[~np.isnan(column)])) for column in columns]
-    return min((float(step.min()) for step in steps if len(step)), default=0.0)
+    """Return the smallest difference between two values of a column, shape (n,) each; 0 if all are constant.
+
+    It is at least so large that the largest value is a multiple of it that float64 represents.
+    """
+    values = [np.unique(column[np.isfinite(column)]) for column in columns]
+    steps = [float(np.diff(each).min()) for each in values if len(each) > 1]
+    largest = max((float(np.abs(each).max(initial=0.0)) for each in values), default=0.0)
+    return max(min(steps), largest * 2.0**-53) if steps else 0.0
 
 
 def _units(name: str) -> Mapping[str, float]:

@@ -231,7 +231,7 @@ class Recordings:
             "UPDATE topics SET type = 'x[/red]'",
             "UPDATE messages SET timestamp = 9e99",
             "UPDATE messages SET timestamp = NULL",
-            "UPDATE messages SET data = zeroblob(900000000) WHERE rowid < 2",
+            "UPDATE messages SET data = zeroblob(90000000) WHERE rowid < 2",
             "UPDATE messages SET data = 'text'",
             "UPDATE messages SET data = zeroblob(0)",
             "UPDATE messages SET topic_id = 99",

@@ -21,7 +21,7 @@ from faulty_samples import (
 
 from calstation.bench import BenchConfig
 from calstation.bench.truth import Simulator
-from calstation.judgement import data_faults
+from calstation.judgement import data_faults, gross_errors
 from calstation.messages import sentence
 
 sys.path.append(str(Path(__file__).parents[1] / "estimation"))
@@ -42,6 +42,13 @@ def causes(unit, stage, change=None, **imu):
     block = blocks[stage] if change is None else with_columns(blocks[stage], change)
     context = replace(context, imu=replace(context.imu, **imu))
     return [(cause.cause, sentence(cause.text(stage))) for cause in data_faults(block, context, prior)]
+
+
+@pytest.mark.filterwarnings("error")
+def test_rotation_by_nothing_says_nothing_about_axes():
+    turns = np.vstack([np.eye(3), np.zeros(3)])
+    assert gross_errors._fits(turns, turns)[0].factor == 1.0
+    assert gross_errors._fits(turns[3:], turns[3:]) == [None]
 
 
 @pytest.mark.parametrize("stage", STAGES)

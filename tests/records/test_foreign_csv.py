@@ -12,6 +12,7 @@ from records_samples import joined
 from calstation.errors import InputError
 from calstation.records import export_csv, open_log
 from calstation.records.arrival import TIMES, sample_times
+from calstation.records.columns import min_step
 from calstation.records.temporary_rows import TemporaryRows
 from tests.helpers import convert_log, raises_code
 
@@ -279,3 +280,10 @@ def test_compressed_text_file_is_read_with_its_toml(tmp_path: Path) -> None:
     path = foreign(tmp_path, text_of(sample_rows(20), "\t"), name="a.tsv")
     (tmp_path / "a.tsv.gz").write_bytes(gzip.compress(path.read_bytes()))
     assert open_log(tmp_path / "a.tsv.gz").facts().samples == 20
+
+
+def test_size_of_a_count_lets_the_largest_value_be_counted() -> None:
+    """Otherwise, a log is written whose counts are refused when it is read."""
+    assert min_step([np.array([0.0, 1e-300, np.nan, np.inf]), np.array([9.8, -9.8])]) == 9.8 * 2.0**-53
+    assert min_step([np.array([0.25, 0.5, 9.75])]) == 0.25
+    assert min_step([np.full(3, 9.8)]) == 0.0
