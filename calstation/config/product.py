@@ -211,14 +211,7 @@ def missing_files(product: ProductConfig, path: Path | None = None) -> Iterator[
 
 
 def schedule_values(product: ProductConfig, stage: str, overrides: Mapping[str, Any]) -> dict[str, JsonValue]:
-    """Return the values of a stage's schedule.
-
-    Parameters
-    ----------
-    product : the product
-    stage : name of the stage
-    overrides : values that replace those of the product
-    """
+    """Return the values of a stage's schedule; `overrides` replace those of the product."""
     values: dict[str, JsonValue] = {**product.schedule.get(stage, {}), **overrides}
     fields = method(stage).schedule.model_fields
     if values.get("ramp_c_per_min") and not values.get("points_c") and product.temperature is not None:

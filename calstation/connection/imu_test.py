@@ -183,15 +183,7 @@ class ImuTest:
 def find_baud_rate(
     port: str, settings: SerialSettings, profile: ImuProfile, progress: ProgressCallback
 ) -> Iterator[Finding]:
-    """Yield a finding if frames of a profile arrive at another baud rate; nothing is sent.
-
-    Parameters
-    ----------
-    port : port of the IMU
-    settings : its present serial settings
-    profile : profile whose frames are expected
-    progress : called with the progress
-    """
+    """Yield a finding if frames of a profile arrive at another baud rate; nothing is sent."""
     others = [baud for baud in _BAUDS if baud != settings.baud]
     for i, baud in enumerate(others):
         progress(0.4 + 0.6 * i / len(others), note="trying_bauds")

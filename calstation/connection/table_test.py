@@ -44,16 +44,7 @@ def query_table(
     port: str,
     progress: ProgressCallback,
 ) -> Iterator[Finding]:
-    """Yield the findings on an open table up to the first one that makes further findings meaningless.
-
-    Parameters
-    ----------
-    table : open table
-    profile : its profile
-    settings : serial settings of the port
-    port : name of the port, for the findings
-    progress : called with the progress
-    """
+    """Yield the findings on an open table up to the first one that makes further findings meaningless."""
     progress(0.5, note="asking")
     try:
         identity = table.identify()

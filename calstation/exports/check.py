@@ -54,13 +54,6 @@ def check_export(name: str, export_format: ExportFormat, files: Files, source: E
     """Evaluate the files of an export on the samples of the recording and compare the output with that of the solution.
 
     Raises CalstationError if they differ by more than the parameters that the format cannot express.
-
-    Parameters
-    ----------
-    name : name of the format
-    export_format : the format
-    files : content of the export
-    source : the exported calibration
     """
     not_expressed = source.not_expressed(export_format)
     unexpressed = [i for i, parameter in enumerate(PARAMETERS) if parameter.name in not_expressed]

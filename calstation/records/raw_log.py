@@ -464,12 +464,6 @@ def write_log(target: Path, meta: LogMeta, blocks: Iterator[SampleBlock]) -> Log
     """Write samples to a raw log; an error leaves no log.
 
     Raises InputError if the target does not have the name of a log, ConfigurationError if it cannot be written.
-
-    Parameters
-    ----------
-    target : file to write
-    meta : configuration of the log
-    blocks : one or more blocks of samples
     """
     if target.suffix != SUFFIX:
         raise InputError("csv.import_name", file=target, suffix=SUFFIX)

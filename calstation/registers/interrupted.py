@@ -45,13 +45,6 @@ def recover_interrupted(
     registers are verified when the run's table is ready, or immediately and at rest on a manual rig.
 
     Raises DeviceFaultError if no decision was made, the output is wrong, or the link failed.
-
-    Parameters
-    ----------
-    devices : open devices of the run
-    setup, runs : configuration of the run, and folder of the runs
-    emit : function that receives events
-    check_cancelled : function that raises an exception if the run is stopped
     """
     request, imu, table = setup.request, devices.imu, devices.table
     entry = journal.interrupted(journal_folder(setup.station, runs), request.serial)

@@ -321,14 +321,7 @@ def _solve(
 
 
 def feed_until_targets(solver: StageSolver | StageChain, samples: SampleBlock, schedule: BaseModel) -> SampleBlock:
-    """Feed the samples of a designed stage until its targets are reached, as in a run; return the fed samples.
-
-    Parameters
-    ----------
-    solver : solver of the stage
-    samples : samples of the complete stage
-    schedule : schedule of the stage, with its targets
-    """
+    """Feed the samples of a designed stage until its targets are reached, as in a run; return the fed samples."""
     targets, least = getattr(schedule, "targets", {}), getattr(schedule, "least_moves", None)
     if not targets or least is None:
         solver.feed(samples)

@@ -46,14 +46,7 @@ CHECK_WIDTHS: dict[str, int] = {kind: width for kind, (width, _) in _CHECKS.item
 
 
 def check_bytes(kind: str, data: bytes, byte_order: Literal["little", "big"]) -> bytes:
-    """Return the checksum of `data` as bytes on the wire.
-
-    Parameters
-    ----------
-    kind : name of the checksum
-    data : bytes over which the checksum is computed
-    byte_order : order of the bytes of the checksum
-    """
+    """Return the checksum of `data` as bytes on the wire."""
     width, function = _CHECKS[kind]
     return function(data).to_bytes(width, byte_order)
 
