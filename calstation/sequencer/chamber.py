@@ -243,13 +243,13 @@ class ChamberControl:
         return failures + unknown
 
     def _wait_until_safe(self, units: Callable[[], Mapping[str, float]], tick: Callable[[], None]) -> None:
-        begin = reported_at = polled_at = self._clock.now()
+        begin = reported_at = requested_at = self._clock.now()
         arrived_at, unanswered = math.inf, 0
         settled: dict[str, tuple[float, float]] = {}
         while True:
             now = self._clock.now()
-            is_due = now - max(self._polled_at, polled_at) >= POLL_INTERVAL
-            polled_at = now if is_due else polled_at
+            is_due = now - max(self._polled_at, requested_at) >= POLL_INTERVAL
+            requested_at = now if is_due else requested_at
             if is_due and (unanswered := self._ask_again(units(), unanswered)) == 0:
                 if self._distance > self.limits.tolerance + _OVERSHOOT:
                     arrived_at = math.inf

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from imu_models import imu_model
 
 from calstation.bench import BenchConfig
 from calstation.bench.truth import GRADES, BenchTruth, Simulated, Simulator
@@ -14,6 +13,7 @@ from calstation.estimation.common import Posterior, SampleBlock, Site, SolveCont
 from calstation.physics import COUNT, EFFECTS, PARAMETERS, Motion, TableGeometry, compensate, compensation
 from calstation.records import LogMeta, RawLogWriter
 from procedures import method
+from tests.imu_models import imu_model
 
 QUICK = {"rate_dps": 30.0, "acceleration_dps2": 40.0}
 SCHEDULES = {

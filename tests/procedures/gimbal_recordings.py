@@ -2,7 +2,6 @@
 
 import numpy as np
 from hand_recordings import prior_of
-from imu_models import imu_model
 
 from calstation.bench.truth import GimbalBench, GimbalSamples, ImuTruth, draw_imu
 from calstation.estimation import Solution
@@ -11,6 +10,7 @@ from calstation.estimation.gimbal import GimbalIteration
 from calstation.physics import group_matrix
 from calstation.simulation.bench_recordings import run_gimbal
 from procedures import method
+from tests.imu_models import imu_model
 
 RATE = 100.0
 ENCODER = np.deg2rad(0.002)

@@ -1,13 +1,13 @@
 """Recordings of the simulated manual rig, with context and prior of the unit."""
 
 import numpy as np
-from imu_models import imu_model
 
 from calstation.bench.truth import GRADES, ImuTruth, ManualRig, Simulated, around, draw_imu, record
 from calstation.estimation import Solution
 from calstation.estimation.common import Posterior, SampleBlock, Site, SolveContext, TableModel
 from calstation.physics import COUNT, PARAMETERS
 from procedures import method
+from tests.imu_models import imu_model
 
 QUICK = ManualRig(initial_rest=10.0, rest=3.0)
 STEP = np.deg2rad(60.0)

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 from hand_recordings import prior_of
-from imu_models import imu_model
 
 from calstation.bench.truth import (
     ImuTruth,
@@ -30,6 +29,7 @@ from calstation.estimation.common import (
 )
 from calstation.physics import PAIR_PARAMETERS, group_indices
 from procedures import method
+from tests.imu_models import imu_model
 
 RATE = 100.0
 RIG = ManualRig(initial_rest=6.0, rest=2.0, speed=np.deg2rad(120.0))
