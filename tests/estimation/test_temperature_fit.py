@@ -110,7 +110,7 @@ def test_hysteresis_has_a_size_and_leaves_the_other_tests_alone() -> None:
             points = measured(
                 rng,
                 lambda t, k, truth=truth, step=step: (
-                    truth(t, k) + 0.5 * step * np.sign(t - TEMPERATURES[max(k - 1, 0)])
+                    truth(t, k) + 0.5 * step * (np.sign(t - TEMPERATURES[max(k - 1, 0)]) + 0.7 * (k == 0))
                 ),
             )
             fit = fit_temperature(MODEL, points, PRIOR)

@@ -13,7 +13,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from scipy.special import fdtrc
+from scipy.special import chdtrc, fdtrc
 
 from calstation.estimation.common import Consistency, Diagnosis, ModelTest, Posterior, TemperatureModel, nis_consistency
 from calstation.estimation.effects import MAX_EXCESS
@@ -33,6 +33,8 @@ _MIN_OF_WAY = 2
 _STEADY_RATE = 0.2
 #: Largest probability with which scatter is taken for a cause.
 _SCATTER_PROBABILITY = 0.005
+#: Smallest probability of the remaining residuals with which they are noise.
+_NOISE_PROBABILITY = 0.01
 _HYSTERESIS = "temperature_hysteresis"
 
 
@@ -266,8 +268,10 @@ def _up_down(
     if ways is None or not groups:
         return ()
     index = np.concatenate([group_indices(group) for group in groups])
-    jacobian = np.hstack([equations.jacobian, *(_columns(equations, group, ways) for group in groups)])
-    mean, covariance = before.with_further(prior.sigma[index]).updated(jacobian, equations)
+    added = [_hysteresis_columns(equations, group, ways) for group in groups]
+    columns = [*(begin for begin, _ in added), *(difference for _, difference in added)]
+    further = np.tile(prior.sigma[index], 2)
+    mean, covariance = before.with_further(further).updated(np.hstack([equations.jacobian, *columns]), equations)
     sigma = np.sqrt(np.diag(covariance))[-len(index) :]
     return tuple(
         UpDown(NAMES[i], float(d), float(s))
@@ -349,14 +353,14 @@ def _tested(
     The tests are those of the residuals without the hysteresis. Residuals that are too large without columns that
     explain them fail the second one as scatter.
     """
-    best: dict[str, _Candidate] = {}
-    for candidate in _candidates(model, equations, _Projector(jacobian), _ways(equations)):
-        if candidate.group not in best or candidate.excess > best[candidate.group].excess:
-            best[candidate.group] = candidate
-    found = [c for c in best.values() if c.cause == _HYSTERESIS and c.excess > MAX_EXCESS and not c.is_scatter]
-    hysteretic, ways = tuple(candidate.group for candidate in found), _ways(equations)
-    if ways is not None and hysteretic:
-        jacobian = np.hstack([jacobian, *(_columns(equations, group, ways) for group in hysteretic)])
+    hysteretic, ways = tuple[str, ...](), _ways(equations)
+    while ways is not None:
+        candidates = _candidates(model, equations, _Projector(jacobian), ways)
+        best = max(candidates, key=lambda candidate: candidate.excess)
+        if best.cause != _HYSTERESIS or best.excess <= MAX_EXCESS or best.is_scatter:
+            break
+        hysteretic = (*hysteretic, best.group)
+        jacobian = np.hstack([jacobian, *_hysteresis_columns(equations, best.group, ways)])
     projector = _Projector(jacobian)
     likeliest = max(_candidates(model, equations, projector, None), key=lambda candidate: candidate.excess)
     group = likeliest.group
@@ -395,7 +399,7 @@ def _candidates(
             "changed_in_time": _columns(equations, group, times),
         }
         if ways is not None:
-            causes[_HYSTERESIS] = _columns(equations, group, ways)
+            causes[_HYSTERESIS] = np.hstack(_hysteresis_columns(equations, group, ways))
         if group not in model.rate_term and np.abs(rates).max(initial=0.0) > _STEADY_RATE:
             causes["temperature_rate"] = _columns(equations, group, rates)
         most, freedom = projector.explained(equations.observed, _each_point(equations, group))
@@ -407,7 +411,8 @@ def _candidates(
 def _is_scatter(gain: float, count: int, rest: float, freedom: int) -> bool:
     """Return whether columns explain no more of the residual of a group than they would of scatter, by an F test.
 
-    What the columns leave counts as noise at least. Without redundancy, nothing tells scatter from a cause.
+    Columns that leave no more than noise explain all of it. What they leave counts as noise at least. Without
+    redundancy, nothing tells scatter from a cause.
 
     Parameters
     ----------
@@ -416,6 +421,8 @@ def _is_scatter(gain: float, count: int, rest: float, freedom: int) -> bool:
     """
     if freedom <= 0 or count == 0:
         return gain - count > MAX_EXCESS
+    if chdtrc(freedom, rest) > _NOISE_PROBABILITY:
+        return False
     ratio = (gain / count) / max(rest / freedom, 1.0)
     return bool(fdtrc(count, freedom, ratio) > _SCATTER_PROBABILITY)
 
@@ -434,6 +441,15 @@ def _ways(equations: _Equations) -> FloatArray | None:
     """Return half a step up for points after a rise, and down after a fall; None if a way has too few points."""
     ways = np.array([{"up": 0.5, "down": -0.5, "soak": 0.0}[p.way] for p, _ in equations.points])
     return ways if min(np.count_nonzero(ways > 0.0), np.count_nonzero(ways < 0.0)) >= _MIN_OF_WAY else None
+
+
+def _hysteresis_columns(equations: _Equations, group: str, ways: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the columns of a change of a group at the first temperature, and between rising and falling temperature.
+
+    What came before the first temperature is unknown. `ways` is half a step in the direction of every point.
+    """
+    begin = np.where(ways == 0.0, 1.0, 0.0)
+    return _columns(equations, group, begin), _columns(equations, group, ways)
 
 
 def _each_point(equations: _Equations, group: str) -> FloatArray:
