@@ -242,15 +242,14 @@ class Exchange:
 
     def _receive(self, engine: sa.Engine, end: float) -> bool:
         """Receive new and changed runs of other folders; return False if more are left at the time `end`."""
-        database, cursor = self._index.received()
-        is_full_page = True
-        while is_full_page:
+        while True:
+            database, cursor = self._index.received()
             with engine.connect() as connection:
                 # read first: all revisions up to the last one have been committed
                 last, current = connection.execute(sa.select(revisions.c.last, revisions.c.database)).one()
                 if current != database or last < cursor:
                     self._index.receive((), "", 0)  # the database was restored or replaced
-                    database, cursor = current, 0
+                    cursor = 0
                 if last == cursor:
                     return True
                 conditions = (runs.c.revision > cursor, runs.c.outbox != self.outbox.id)
@@ -258,13 +257,10 @@ class Exchange:
                 rows = connection.execute(query).all()
             is_full_page = len(rows) == _PAGE_SIZE
             received_revision = rows[-1].revision if is_full_page else max([last, *(row.revision for row in rows)])
-            if received_revision > cursor:
-                indexed = [_indexed_run(row) for row in rows]
-                self._index.receive([run for run in indexed if run is not None], database, received_revision)
-                cursor = received_revision
+            indexed = [_indexed_run(row) for row in rows]
+            self._index.receive([run for run in indexed if run is not None], current, received_revision, cursor)
             if is_full_page and time.monotonic() >= end:
                 return False
-        return True
 
 
 def _store(connection: sa.Connection, outbox: str, messages: Sequence[OutboxMessage]) -> int:

@@ -20,7 +20,7 @@ from uuid import uuid4
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import Text
 from calstation.parsing import parse_json, read_json
-from calstation.records import ChainedFile, IndexedRun, RunIndex, Verdict, to_columns, write_atomic
+from calstation.records import ChainedFile, IndexedRun, RunIndex, Verdict, locked, to_columns, write_atomic
 from calstation.results import History
 
 #: File name of the outbox's random name and location; the history ignores hidden files.
@@ -28,6 +28,9 @@ LOCATION_FILE = ".outbox.json"
 
 #: The file and its copy, which replaces it if it is damaged: the database would take a new name for another folder.
 _FILES = (LOCATION_FILE, ".outbox-copy.json")
+
+#: Lock for the creation of the file, and the longest time to wait for it, s.
+_LOCK, _LOCK_TIMEOUT_S = ".outbox.lock", 10.0
 
 #: File name of the record of log copies in an archive.
 COPIES_FILE = ".copies.jsonl"
@@ -80,7 +83,9 @@ class Outbox:
         """Return the random name of the outbox; create it if it is missing."""
         if not any((self.folder / name).exists() for name in _FILES):
             try:
-                _write_location(self.folder, str(uuid4()), *_location(self.folder))
+                with locked(self.folder / _LOCK, _LOCK_TIMEOUT_S):  # the window and a run may start at the same time
+                    if not any((self.folder / name).exists() for name in _FILES):
+                        _write_location(self.folder, str(uuid4()), *_location(self.folder))
             except OSError as exc:
                 file = self.folder / LOCATION_FILE
                 raise ConfigurationError("database.outbox_unusable", file=file, reason=str(exc)) from exc

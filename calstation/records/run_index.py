@@ -5,7 +5,7 @@ import secrets
 import sqlite3
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -118,6 +118,7 @@ class RunIndex:
         self.may_lack_runs = False  #: Whether runs may be missing, because the index is new or its file was unusable.
         self._engine = _engine(f"sqlite:///{self._path}", NullPool)
         self._open: sa.Connection | None = None  #: Connection of `one_connection`.
+        self._file_id: int | None = None  #: Random number of the file that was used last.
         self._memory: sa.Engine | None = None  #: Index in memory, which replaces the file until `_retry_at`.
         self._retry_at = 0.0
         #: Stamps as last read, with the value of `mark` at that time.
@@ -183,14 +184,22 @@ class RunIndex:
         rows = self._in_file(lambda connection: connection.execute(sa.select(_received)).all())
         return (rows[0].database, rows[0].revision) if rows else ("", 0)
 
-    def receive(self, runs: Iterable[IndexedRun], database: str, revision: int) -> None:
+    def receive(self, runs: Iterable[IndexedRun], database: str, revision: int, after: int = 0) -> None:
         """Add or replace runs of other folders, received from a shared database up to a revision.
 
         Runs received from another database are removed. Raises ConfigurationError if the file is currently unusable.
+
+        Parameters
+        ----------
+        runs, database : received runs, and name of the shared database
+        revision : revision of the last run
+        after : revision after which the runs were requested; nothing is stored if the earlier runs have been lost
         """
         rows = [_row(run) for run in runs]
 
         def change(connection: sa.Connection) -> None:
+            if after and (database, after) not in _rows(connection, sa.select(_received)):
+                return
             connection.execute(sa.delete(_received))
             connection.execute(sa.insert(_received).values(database=database, revision=revision))
             _store(connection, rows)
@@ -289,11 +298,8 @@ class RunIndex:
 
     def attempts(self, serial: str) -> int:
         """Return the number of runs started for a unit; a resumed run counts once."""
-        query = (
-            sa.select(sa.func.count())
-            .select_from(_runs)
-            .where(_runs.c.serial == serial, _runs.c.resumed_from.is_(None))
-        )
+        query = sa.select(sa.func.count()).select_from(_runs)
+        query = query.where(_runs.c.serial == serial, _runs.c.resumed_from.is_(None))
         return self._try(lambda connection: int(connection.execute(query).scalar_one()))
 
     def columns(self, conditions: RunFilter) -> RunColumns:
@@ -383,11 +389,7 @@ class RunIndex:
     def _use_file(self, action: Callable[[sa.Connection], T]) -> T:
         """Execute `action` on the file, or on a new file if the file is damaged or missing."""
         try:
-            if self._open is not None:
-                with self._open.begin():
-                    return action(self._open)
-            with self._engine.begin() as connection:
-                return action(connection)
+            return self._act(action)
         except DatabaseError as exc:
             if not _is_lost(exc):
                 raise
@@ -395,10 +397,19 @@ class RunIndex:
         self._engine.dispose()
         for suffix in ("", "-wal", "-shm", "-journal"):
             self._path.with_name(self._path.name + suffix).unlink(missing_ok=True)
-        with self._engine.begin() as connection:
-            _create(connection)
-            self.may_lack_runs = True
-            return action(connection)
+        self._act(_create)
+        self.may_lack_runs = True
+        return self._act(action)
+
+    def _act(self, action: Callable[[sa.Connection], T]) -> T:
+        """Execute `action`, and notice if another process has replaced the file since it was last used."""
+        opened = self._engine.connect() if self._open is None else nullcontext(self._open)
+        with opened as connection, connection.begin():
+            result = action(connection)
+            file_id = connection.exec_driver_sql("PRAGMA application_id").scalar_one()
+        self.may_lack_runs = self.may_lack_runs or self._file_id not in (None, file_id)
+        self._file_id = file_id
+        return result
 
 
 def _is_lost(error: DatabaseError) -> bool:
@@ -433,6 +444,7 @@ def _create(connection: sa.Connection) -> None:
         _metadata.drop_all(connection)
         _metadata.create_all(connection)
         connection.execute(sa.text(f"PRAGMA user_version={_VERSION}"))
+        connection.execute(sa.text(f"PRAGMA application_id={secrets.randbelow(2**31)}"))
 
 
 def _rows(connection: sa.Connection, query: sa.Select[Any]) -> list[tuple[Any, ...]]:
