@@ -79,7 +79,8 @@ def check_up_down(solution: Solution, limits: Mapping[str, Limit], near: float) 
     check = Check.compare("hysteresis", half, largest(worst), unit, subject=solution.stage, near=near, where=where)
     if check.passed:
         return [check]
-    sigma = fit.at(fit.model.reference).sigma
+    variances = fit.at(fit.model.reference).sigma ** 2 - fit.hysteresis**2
+    sigma = np.sqrt(np.maximum(variances, np.finfo(np.float64).tiny))
     shifts = {row.parameter: 0.5 * row.difference / float(sigma[INDEX[row.parameter]]) for row in rows}
     values = {"parameter": worst.parameter, "group": PARAMETERS[i].group}
     hysteresis = Diagnosis("temperature_hysteresis", worst.difference, worst.sigma, unit, shifts, values)

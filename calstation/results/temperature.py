@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from calstation.errors import InputError
-from calstation.estimation.temperature import TemperatureFit, TemperaturePoint, compensate_each
+from calstation.estimation.temperature import ELEMENTS, LAG_SIGMA, TemperatureFit, TemperaturePoint, compensate_each
 from calstation.physics import (
     NAMES,
     OBSERVABLE,
@@ -39,6 +39,13 @@ class Coefficients(ResultSection):
     sigma: list[Number]
     rate: RateCoefficient | None = None
     unit: str
+
+
+class LagResult(ResultSection):
+    """Time by which the temperature of an element lags behind that of the sensor, s; negative if the sensor lags."""
+
+    value: Number
+    sigma: Number
 
 
 class WorstValue(ResultSection):
@@ -76,7 +83,7 @@ class TemperaturePointResult(ResultSection):
     def of(cls, fit: TemperatureFit, point: TemperaturePoint, estimated: Sequence[str]) -> "TemperaturePointResult":
         """Convert a point of the fit."""
         at = point.temperature
-        moved = fit.at(at, point.rate).mean - fit.at(at).mean
+        moved = fit.at(*point.conditions).mean - fit.at(at).mean
         values, sigma = point.posterior.mean - moved, point.posterior.sigma
         known = [
             i for i, name in enumerate(NAMES) if name in estimated and sigma[i] <= OBSERVABLE * point.prior.sigma[i]
@@ -101,6 +108,7 @@ class TemperatureResult(ResultSection):
     covariance: list[list[Number]]
     worst: dict[str, WorstValue]
     held_out: list[HeldOutDifference] = Field(default_factory=list)
+    lag_s: dict[str, LagResult] = Field(default_factory=dict)  #: Of gyros and accelerometers, as far as determined.
     points: list[TemperaturePointResult]
 
     def parameters_at(self, temperature: FloatArray) -> FloatArray:
@@ -219,6 +227,11 @@ class TemperatureResult(ResultSection):
                 HeldOutDifference(at_c=h.at, parameter=h.parameter, difference=h.difference, sigma=h.sigma)
                 for h in fit.held_out(estimated)
             ],
+            lag_s={
+                element: LagResult(value=float(lag), sigma=float(uncertainty))
+                for element, lag, uncertainty in zip(ELEMENTS, fit.lags, fit.lag_sigmas, strict=True)
+                if uncertainty < OBSERVABLE * LAG_SIGMA
+            },
             points=[TemperaturePointResult.of(fit, point, estimated) for point in fit.points],
         )
 

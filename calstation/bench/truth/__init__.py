@@ -13,6 +13,6 @@ from calstation.bench.truth.grades import GRADES, GradeName, draw_imu, draw_powe
 from calstation.bench.truth.imu import ImuTruth, SensorStream, StreamOutput
 from calstation.bench.truth.manual_rig import ManualRig, ManualRigStream, around, push, record
 from calstation.bench.truth.noise import INSTABILITY_TIMES, instability_variance
-from calstation.bench.truth.simulate import BenchTruth, Simulated, Simulator
+from calstation.bench.truth.simulate import BenchTruth, Samples, Simulated, Simulator
 from calstation.bench.truth.table import TableTruth, earth_rate_n, normal_gravity, rotation, unit_axes
 from calstation.bench.truth.thermal import GRID, ChamberAir, ThermalSettings, UnitThermal

@@ -360,7 +360,7 @@ class SensorStream:
 
     def produce(self, count: int, outer: JointProfile, inner: JointProfile) -> StreamOutput:
         """Return the next `count` samples while the joints follow these profiles."""
-        if self._thermal is None or not count:
+        if self._thermal is None or count == 0:
             return self._produce(count, outer, inner)
         cell_size = max(1, round(GRID / self.interval))
         parts = []

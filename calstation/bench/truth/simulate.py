@@ -1,6 +1,6 @@
 """Simulation of a plan from the true values without any protocol, for the Monte Carlo study."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,12 +9,16 @@ from calstation.bench.truth.drive import EncoderTruth, TableDrive
 from calstation.bench.truth.grades import GradeName
 from calstation.bench.truth.imu import ImuTruth, SensorStream
 from calstation.bench.truth.table import TableTruth
+from calstation.bench.truth.thermal import UnitThermal
 from calstation.physics import Dwell, FloatArray, IntArray, Move, RoundEnd, Step
 
 #: Time between encoder readings, s.
 POLL_INTERVAL = 0.05
-#: Temperature of the unit, °C.
+#: Temperature of the unit without a chamber, °C.
 TEMPERATURE = 25.0
+
+#: Counts, encoder angles and step numbers of consecutive samples.
+Samples = tuple[FloatArray, FloatArray, IntArray]
 
 
 @dataclass(frozen=True)
@@ -61,10 +65,17 @@ class Simulator:
     Equal seeds and plans result in equal samples.
     """
 
-    def __init__(self, truth: BenchTruth, seed: int | np.random.SeedSequence) -> None:
+    def __init__(
+        self,
+        truth: BenchTruth,
+        seed: int | np.random.SeedSequence,
+        *,
+        thermal: UnitThermal | None = None,
+        air: Callable[[], float] = lambda: TEMPERATURE,
+    ) -> None:
         root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
         stream_seed, encoder_seed = root.spawn(2)
-        self._stream = SensorStream(truth.imu, truth.table, stream_seed)
+        self._stream = SensorStream(truth.imu, truth.table, stream_seed, thermal=thermal, air=air)
         self._drive = TableDrive(truth.encoder, seed=encoder_seed)
         self._nominal = 1.0 / truth.imu.sample_rate
         self._poll_every = max(1, round(POLL_INTERVAL * truth.imu.sample_rate))
@@ -85,7 +96,7 @@ class Simulator:
 
         A move ends when both joints have settled, and a dwell after its duration; other steps take no time.
         """
-        parts: list[tuple[FloatArray, FloatArray, IntArray]] = []
+        parts: list[Samples] = []
         first = self._stream.produced
         for step in steps:
             if isinstance(step, Move):
@@ -98,6 +109,8 @@ class Simulator:
                 parts.append(self._produce(step.duration))
             elif isinstance(step, RoundEnd) and rounds is not None and step.rounds >= rounds:
                 break
+            else:
+                parts += self._further(step)
         seq = np.arange(first, self._stream.produced)
         if not parts:
             parts.append(self._produce(0.0))
@@ -109,13 +122,21 @@ class Simulator:
             counts,
             angles,
             numbers,
-            np.full(len(seq), TEMPERATURE),
+            self._temperatures(seq),
         )
+
+    def _further(self, step: Step) -> Iterable[Samples]:
+        """Return the samples of another step; it takes no time."""
+        return ()
+
+    def _temperatures(self, seq: IntArray) -> FloatArray:
+        """Return the temperature that the unit measures at its samples, °C."""
+        return np.full(len(seq), TEMPERATURE)
 
     def _ends(self, seq: IntArray) -> FloatArray:
         return np.asarray((seq + 1) * self._stream.interval, dtype=np.float64)
 
-    def _produce(self, duration: float) -> tuple[FloatArray, FloatArray, IntArray]:
+    def _produce(self, duration: float) -> Samples:
         """Return counts, encoder angles and step numbers of the samples in the next `duration`, s."""
         count = int(np.ceil(duration / self._stream.interval - 1e-9))
         first = self._stream.produced

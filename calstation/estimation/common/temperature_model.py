@@ -40,7 +40,7 @@ class TemperatureModel:
             columns += [Column(i, power) for power in powers + [None] * (parameter.group in self.rate_term)]
         return tuple(columns)
 
-    @property
+    @cached_property
     def span(self) -> float:
         """Largest distance of a temperature in the range from the reference, K, by which coefficients are scaled."""
         return max(abs(end - self.reference) for end in self.range)
@@ -54,15 +54,31 @@ class TemperatureModel:
         """Return the model with another order of a group."""
         return replace(self, order={**self.order, group: order})
 
-    def basis(self, temperature: float, rate: float = 0.0) -> FloatArray:
+    def basis(self, temperature: float | FloatArray, rate: float | FloatArray = 0.0) -> FloatArray:
         """Return the parameters per unit of each scaled coefficient, shape (30, columns).
 
-        A coefficient of a power k is scaled by `span` to the power k, that of the rate of change, K/s, by 1 K/min.
+        A coefficient of a power k is scaled by `span` to the power k, that of the rate of change by 1 K/min.
+
+        Parameters
+        ----------
+        temperature : temperature, °C, or that of each parameter, shape (30,)
+        rate : its rate of change, K/s, or that of each parameter, shape (30,)
         """
-        basis, x = np.zeros((COUNT, len(self.columns))), (temperature - self.reference) / self.span
+        x = np.broadcast_to((temperature - self.reference) / self.span, COUNT)
+        rates, basis = np.broadcast_to(60.0 * rate, COUNT), np.zeros((COUNT, len(self.columns)))
         for k, column in enumerate(self.columns):
-            basis[column.parameter, k] = 60.0 * rate if column.power is None else x**column.power
+            i = column.parameter
+            basis[i, k] = rates[i] if column.power is None else x[i] ** column.power
         return basis
+
+    def slopes(self, temperature: float | FloatArray) -> FloatArray:
+        """Return the derivative of `basis` with respect to the temperature, 1/K, shape (30, columns)."""
+        x = np.broadcast_to((temperature - self.reference) / self.span, COUNT)
+        slopes = np.zeros((COUNT, len(self.columns)))
+        for k, column in enumerate(self.columns):
+            if column.power:
+                slopes[column.parameter, k] = column.power * x[column.parameter] ** (column.power - 1) / self.span
+        return slopes
 
     @property
     def scale(self) -> FloatArray:

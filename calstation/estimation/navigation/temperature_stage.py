@@ -6,13 +6,15 @@ temperature and solved again, which linearises about the parameters at the tempe
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from calstation.errors import InputError, InsufficientDataError
 from calstation.estimation.common import (
+    ImuModel,
     ModelTest,
     Posterior,
     SampleBlock,
@@ -26,21 +28,29 @@ from calstation.estimation.effects import EffectTests, effect_tests, known_effec
 from calstation.estimation.method import Progress, Solution, StageSolver
 from calstation.estimation.navigation.stage import NavigationStage
 from calstation.estimation.temperature import (
+    ELEMENT_OF,
+    NO_LAGS,
+    ElementTemperatures,
+    Polynomials,
     TemperatureFit,
     TemperaturePoint,
     different_temperatures,
+    element_temperatures,
     fit_temperature,
     held_out_points,
     nearest_temperature,
+    polynomials,
     reduced,
     with_orders,
 )
-from calstation.physics import COUNT, GROUPS, FloatArray
+from calstation.physics import COUNT, GROUPS, FloatArray, group_indices
 
 #: End of a soak that is solved with the moves after it, s.
 _BEFORE = 20.0
 #: Largest number of solutions of all temperatures, and largest change of a coefficient that ends them, in sigmas.
 _MAX_PASSES, _CONVERGED = 4, 0.02
+#: Number of fits in which the lags are corrected, and of temperatures that are averaged.
+_LAG_PASSES, _MEAN_OF = 2, 201
 #: Largest distance of an end of the range from the lowest or highest temperature of the fitted samples, K: a unit in a
 #: chamber at that end may settle this far from it.
 _BEYOND = 2.0
@@ -78,6 +88,7 @@ class TemperatureStage(StageSolver):
         self._model: TemperatureModel = context.temperature
         self._estimated, self._soak, self._moves, self._is_ramp = estimated, soak, moves, is_ramp
         self._reduced: StageData | None = None
+        self._messages: list[tuple[str, Mapping[str, Any]]] = []
 
     def data(self) -> StageData:
         """Return the valid samples, after the solution as if all had been taken at the reference temperature."""
@@ -94,16 +105,20 @@ class TemperatureStage(StageSolver):
             raise InsufficientDataError("temperature.one_temperature")
         self._require_range(held_out_points([p.point(self.prior, self.prior) for p in parts], self._model.held_out))
         solver = NavigationStage("temperature", self.context, self.prior, self._estimated)
-        solutions = [solver.solve(part.at_mean(None)) for part in parts]
-        fit = self._fit(parts, solutions)
+        solutions = [solver.solve(part.data) for part in parts]
+        fit, points, lags = self._fit(block, parts, solutions)
         for k in range(1, _MAX_PASSES):
             if progress is not None:
                 progress(k / _MAX_PASSES)
-            solutions, before = [solver.solve(part.at_mean(fit)) for part in parts], fit
-            fit = self._fit(parts, solutions)
+            elements = element_temperatures(block, fit.lags)
+            solutions, before = [solver.solve(part.at_mean(fit, elements)) for part in parts], fit
+            fit, points, lags = self._fit(block, parts, solutions, before, keep_orders=k > 1)
             if _change(before, fit) < _CONVERGED:
                 break
-        return self._solution(fit, solutions, block)
+        else:
+            self._messages = [("not_converged", {"stage": "temperature", "passes": _MAX_PASSES})]
+        fitted = fit_temperature(fit.model, points, self.prior, lags, _instability(self.context.imu))
+        return self._solution(fitted, solutions, block)
 
     def _require_range(self, points: Sequence[TemperaturePoint]) -> None:
         """Raise InsufficientDataError unless the points determine the polynomials and include those held out."""
@@ -125,11 +140,36 @@ class TemperatureStage(StageSolver):
                 if count < minimum:
                     raise InsufficientDataError("temperature.too_few", group=group, needed=minimum, found=count)
 
-    def _fit(self, parts: Sequence["_Part"], solutions: Sequence[Solution]) -> TemperatureFit:
+    def _fit(
+        self,
+        block: SampleBlock,
+        parts: Sequence["_Part"],
+        solutions: Sequence[Solution],
+        before: Polynomials | None = None,
+        *,
+        keep_orders: bool = False,
+    ) -> tuple[Polynomials, list[TemperaturePoint], FloatArray]:
+        """Return the coefficients, the points, and the lags with which their temperatures were computed, s, shape (2,).
+
+        Parameters
+        ----------
+        block : samples of the stage
+        parts : samples at each temperature
+        solutions : their solutions
+        before : latest coefficients
+        keep_orders : whether the orders of `before` are kept
+        """
         points = [part.point(s.posterior, self.prior) for part, s in zip(parts, solutions, strict=True)]
         points = held_out_points(_ways(points), self._model.held_out)
-        model = with_orders(self._model, points, self.prior) if self._model.is_automatic else self._model
-        return fit_temperature(model, points, self.prior)
+        fit, automatic = before, self._model.is_automatic and not keep_orders
+        for _ in range(_LAG_PASSES):
+            lags = NO_LAGS if fit is None else fit.lags
+            elements = element_temperatures(block, lags)
+            points = [replace(p, elements=part.means(elements)) for p, part in zip(points, parts, strict=True)]
+            model = self._model if fit is None or automatic else fit.model
+            model = with_orders(self._model, points, self.prior) if automatic else model
+            fit = polynomials(model, points, self.prior, lags)
+        return fit, points, lags
 
     def _solution(self, fit: TemperatureFit, solutions: Sequence[Solution], block: SampleBlock) -> Solution:
         """Return the solution with the parameters at the reference temperature."""
@@ -140,7 +180,7 @@ class TemperatureStage(StageSolver):
         kinds = dict.fromkeys(test.kind for s in solutions for test in s.tests)
         worst = [max((t for s in solutions for t in s.tests if t.kind == kind), key=_severity) for kind in kinds]
         data = stage_data([block], self.context.imu)
-        self._reduced = reduced(data, fit, _smooth(block.temperature[block.valid], data.dt), posterior.mean)
+        self._reduced = reduced(data, fit, element_temperatures(block, fit.lags), posterior.mean)
         return replace(
             solutions[0],
             stage="temperature",
@@ -149,7 +189,7 @@ class TemperatureStage(StageSolver):
             consistency=nis_consistency(total, count, 3),
             gaps=sum(s.gaps for s in solutions),
             details={"points": len(solutions)},
-            messages=tuple({str(m): m for s in solutions for m in s.messages}.values()),
+            messages=(*{str(m): m for s in solutions for m in s.messages}.values(), *self._messages),
             innovations=None,
             sensitivity=None,
             tests=(*worst, *self._effect_tests(solutions), fit.test, *([held_out] if held_out is not None else [])),
@@ -174,25 +214,31 @@ class _Part:
     """The samples at one temperature."""
 
     def __init__(self, block: SampleBlock, context: SolveContext, begin: float) -> None:
-        self._block, self._data = block, stage_data([block], context.imu)
-        if np.isnan(block.temperature[block.valid]).all():
+        self._block, self.data = block, stage_data([block], context.imu)
+        known = block.valid & ~np.isnan(block.temperature)
+        if not known.any():
             raise InputError("temperature.unknown", first=int(block.seq[0]), last=int(block.seq[-1]))
-        self._temperature = _smooth(block.temperature[block.valid], self._data.dt)
-        self.mean = float(self._temperature.mean())  #: °C
+        course = element_temperatures(block, NO_LAGS)
+        self._sensor = course.values[:, 0]
+        self.mean = float(block.temperature[known].mean())  #: °C
         duration = float(block.time[-1] - block.time[0])
-        self._rate = float(self._temperature[-1] - self._temperature[0]) / max(duration, 1.0)
+        self._rate = float(self._sensor[-1] - self._sensor[0]) / max(duration, 1.0)
         self._time = float(block.time.mean() - begin)
 
-    def at_mean(self, fit: TemperatureFit | None) -> StageData:
-        """Return the samples as if all had been taken at the mean temperature."""
-        if fit is None:
-            return self._data
-        return reduced(self._data, fit, self._temperature, fit.at(self.mean, self._rate).mean)
+    def means(self, elements: ElementTemperatures) -> FloatArray:
+        """Return the mean temperatures of gyros and accelerometers, °C, and their rates, K/s, shape (2, 2)."""
+        times = np.linspace(self.data.time[0], self.data.time[-1], _MEAN_OF)
+        return np.array([rows.mean(axis=0) for rows in elements.at(times)])
+
+    def at_mean(self, fit: Polynomials, elements: ElementTemperatures) -> StageData:
+        """Return the samples as if all had been taken at the mean temperatures."""
+        temperature, rate = self.means(elements)
+        return reduced(self.data, fit, elements, fit.at(temperature[ELEMENT_OF], rate[ELEMENT_OF]).mean)
 
     def point(self, posterior: Posterior, prior: Posterior) -> TemperaturePoint:
         """Return the solution of the part; whether the temperature rose or fell is determined later."""
         seq = self._block.seq
-        times, extent = (self.mean, self._rate, self._time), (self._temperature.min(), self._temperature.max())
+        times, extent = (self.mean, self._rate, self._time), (self._sensor.min(), self._sensor.max())
         point = TemperaturePoint(*times, "soak", int(seq[0]), int(seq[-1]), prior, posterior)
         return replace(point, extent=(float(extent[0]), float(extent[1])))
 
@@ -230,17 +276,6 @@ def _cycles(bounds: Sequence[int], moves: int) -> list[tuple[int, int]]:
     return [(int(cycle[0]), int(cycle[-1])) for cycle in cycles if len(cycle) > 3]
 
 
-def _smooth(temperature: FloatArray, dt: float) -> FloatArray:
-    """Return temperatures without the noise and the steps of their sensor: means over 10 s, with lines between."""
-    known = np.flatnonzero(~np.isnan(temperature))
-    filled = np.interp(np.arange(len(temperature)), known, temperature[known])
-    width = max(round(10.0 / dt), 1)
-    groups = max(len(filled) // width, 1)
-    cut = np.array_split(filled, groups)
-    centres = np.cumsum([len(c) for c in cut]) - 0.5 * np.array([len(c) for c in cut])
-    return np.asarray(np.interp(np.arange(len(filled)) + 0.5, centres, [float(c.mean()) for c in cut]))
-
-
 def _ways(points: Sequence[TemperaturePoint]) -> list[TemperaturePoint]:
     """Return the points with the change of the temperature towards them."""
     rows = list(points[:1])
@@ -249,7 +284,15 @@ def _ways(points: Sequence[TemperaturePoint]) -> list[TemperaturePoint]:
     return rows
 
 
-def _change(before: TemperatureFit, after: TemperatureFit) -> float:
+def _instability(imu: ImuModel) -> FloatArray:
+    """Return the lowest Allan deviation of the biases due to their instability, SI, shape (30,)."""
+    sigmas = np.zeros(COUNT)
+    for group, size in (("gyro_bias", imu.gyro_bias_instability), ("accel_bias", imu.accel_bias_instability)):
+        sigmas[group_indices(group)] = np.sqrt(2.0 * np.log(2.0) / np.pi) * size
+    return sigmas
+
+
+def _change(before: Polynomials, after: Polynomials) -> float:
     """Return the largest change of a coefficient in sigmas."""
     if before.model.columns != after.model.columns:
         return np.inf

@@ -8,71 +8,37 @@ falling temperature is a test of its own, `up_down`, and is removed from the res
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from scipy.special import chdtrc, fdtrc
 
 from calstation.estimation.common import Consistency, Diagnosis, ModelTest, Posterior, TemperatureModel, nis_consistency
 from calstation.estimation.effects import MAX_EXCESS
+from calstation.estimation.temperature.course import ELEMENTS
+from calstation.estimation.temperature.equations import Equations, Unknowns, equations_of, unknowns_before
+from calstation.estimation.temperature.points import TemperaturePoint, different_temperatures
 from calstation.physics import COUNT, GROUPS, NAMES, PARAMETERS, FloatArray, group_indices
 
-Way = Literal["up", "down", "soak"]
-#: Smallest information of an observation, relative to that of the prior.
-_INFORMATIVE = 1.0
 #: Largest difference at a held-out temperature, in sigmas: of 30 parameters, one is larger in 50,000 runs.
 HELD_OUT_SIGMAS = 5.0
-#: Difference of temperatures up to which they count as one, K.
-_SAME = 1.0
+#: Highest order of a polynomial.
+_HIGHEST = 6
 #: Smallest number of temperatures in each direction at which hysteresis is tested.
 _MIN_OF_WAY = 2
 #: Largest rate of change of the temperature after a soak, K/min. Up to it, an error that has the sign of the rate is a
 #: hysteresis.
 _STEADY_RATE = 0.2
+#: Smallest probability of the remaining residuals with which they are noise.
+_REMAINING_PROBABILITY = 0.01
 #: Largest probability with which scatter is taken for a cause.
 _SCATTER_PROBABILITY = 0.005
-#: Smallest probability of the remaining residuals with which they are noise.
-_NOISE_PROBABILITY = 0.01
+#: Probability with which noise is taken for a hysteresis that increases the sigmas.
+_NOISE_PROBABILITY = 0.05
 _HYSTERESIS = "temperature_hysteresis"
-
-
-@dataclass(frozen=True)
-class TemperaturePoint:
-    """Solution of the samples at one temperature."""
-
-    temperature: float  #: Mean temperature, °C.
-    rate: float  #: Mean rate of change, K/s.
-    time: float  #: Mean time since the start of the stage, s.
-    way: Way  #: Change of the temperature towards this one.
-    first_seq: int
-    last_seq: int
-    prior: Posterior
-    posterior: Posterior
-    is_held_out: bool = False
-    extent: tuple[float, float] | None = None  #: Lowest and highest temperature, °C; None if it did not change.
-
-    def observations(self, scale: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return decorrelated observations of unit variance, shape (n,), and their Jacobian, shape (n, 30).
-
-        `scale` are the sigmas of the prior, 0 for a fixed parameter. The observations contain the data only.
-        """
-        free = scale > 0.0
-        s = scale[free]
-        before, after = (np.linalg.inv(p.covariance[np.ix_(free, free)] / np.outer(s, s)) for p in self._both)
-        means = [p.mean[free] / s for p in self._both]
-        values, vectors = np.linalg.eigh(after - before)
-        kept = values > _INFORMATIVE
-        roots = np.sqrt(values[kept])
-        observed = vectors[:, kept].T @ (after @ means[1] - before @ means[0]) / roots
-        jacobian = np.zeros((len(roots), COUNT))
-        jacobian[:, free] = roots[:, None] * vectors[:, kept].T / s
-        return observed, jacobian
-
-    @property
-    def _both(self) -> tuple[Posterior, Posterior]:
-        return self.prior, self.posterior
+#: Lags of elements that have the temperature of the sensor.
+NO_LAGS = np.zeros(len(ELEMENTS))
 
 
 @dataclass(frozen=True)
@@ -104,21 +70,20 @@ class UpDown:
 
 
 @dataclass(frozen=True)
-class TemperatureFit:
-    """Coefficients with their joint covariance."""
+class Polynomials:
+    """Coefficients with their joint covariance, and the lags of gyros and accelerometers."""
 
     model: TemperatureModel
     scaled: FloatArray  #: Scaled coefficients, see `TemperatureModel.basis`, shape (c,).
     scaled_covariance: FloatArray  #: Shape (c, c).
-    points: tuple[TemperaturePoint, ...]
-    consistency: Consistency  #: Test of the residuals of the fitted points.
-    test: ModelTest
-    #: Differences of the parameters whose group has a hysteresis or, if none has, of all of them; empty if the
-    #: temperature did not rise and fall often enough, or if something else than a hysteresis fails the test.
-    up_down: tuple[UpDown, ...] = ()
+    lags: FloatArray  #: Lags of gyros and accelerometers behind the sensor, s, shape (2,).
+    lag_sigmas: FloatArray  #: Shape (2,).
 
-    def at(self, temperature: float, rate: float = 0.0) -> Posterior:
-        """Return the parameters at a temperature, °C, that changes by `rate`, K/s."""
+    def at(self, temperature: float | FloatArray, rate: float | FloatArray = 0.0) -> Posterior:
+        """Return the parameters at a temperature of their elements, °C, that changes by `rate`, K/s.
+
+        Both can be those of each parameter, shape (30,).
+        """
         basis = self.model.basis(temperature, rate)
         return Posterior(basis @ self.scaled, basis @ self.scaled_covariance @ basis.T)
 
@@ -149,11 +114,24 @@ class TemperatureFit:
         k = int(np.abs(means[:, i] - middle).argmax())
         return WorstOverRange(float(self.model.temperatures[k]), float(means[k, i]), float(sigmas[:, i].max()))
 
+
+@dataclass(frozen=True)
+class TemperatureFit(Polynomials):
+    """The fit of all points, and its tests."""
+
+    points: tuple[TemperaturePoint, ...]
+    consistency: Consistency  #: Test of the residuals of the fitted points.
+    test: ModelTest
+    hysteresis: FloatArray  #: Part of the sigmas of the parameters due to hysteresis, SI, shape (30,).
+    #: Differences of the parameters whose group has a hysteresis or, if none has, of all of them; empty if the
+    #: temperature did not rise and fall often enough, or if something else than a hysteresis fails the test.
+    up_down: tuple[UpDown, ...] = ()
+
     def held_out(self, estimated: Sequence[str]) -> list[HeldOut]:
         """Return the differences at the held-out temperatures."""
         rows = []
         for point in (p for p in self.points if p.is_held_out):
-            fitted = self.at(point.temperature, point.rate)
+            fitted = self.at(*point.conditions)
             sigma = np.sqrt(np.diag(point.posterior.covariance + fitted.covariance))
             difference = point.posterior.mean - fitted.mean
             rows += [
@@ -175,86 +153,86 @@ class TemperatureFit:
         return ModelTest("held_out", abs(worst.difference) / worst.sigma, HELD_OUT_SIGMAS, "sigma", diagnosis)
 
 
-@dataclass(frozen=True)
-class _Equations:
-    """Observations of all fitted points, and their Jacobian with respect to the scaled coefficients."""
-
-    observed: FloatArray
-    jacobian: FloatArray
-    points: tuple[tuple[TemperaturePoint, FloatArray], ...]  #: Points and the Jacobians of the parameters.
-
-    def column(self, parameter: int, sizes: FloatArray) -> FloatArray:
-        """Return the observations of a change of a parameter by `sizes`, shape (points,)."""
-        return np.concatenate([j[:, parameter] * size for (_, j), size in zip(self.points, sizes, strict=True)])
-
-
-def fit_temperature(model: TemperatureModel, points: Sequence[TemperaturePoint], prior: Posterior) -> TemperatureFit:
-    """Fit the coefficients to the points that are not held out.
+def polynomials(
+    model: TemperatureModel, points: Sequence[TemperaturePoint], prior: Posterior, lags: FloatArray = NO_LAGS
+) -> Polynomials:
+    """Fit the coefficients, and correct the lags, by the points that are not held out.
 
     Parameters
     ----------
     model : orders of the polynomials
     points : solutions in order of time, whose information is independent
     prior : parameters at the reference before the calibration; its sigmas bound the changes over the range, too
+    lags : lags with which the temperatures of the points were computed, s, shape (2,)
     """
-    equations, before = _equations(model, points, prior), _before(model, prior)
-    sigma = before.sigma
-    consistency, test, hysteretic = _tested(model, equations, equations.jacobian[:, sigma > 0.0] * sigma[sigma > 0.0])
-    fit = TemperatureFit(model, *before.updated(equations.jacobian, equations), tuple(points), consistency, test)
+    equations = equations_of(model, points, prior)
+    return _solved(model, *unknowns_before(model, prior, lags).updated(equations.jacobian, equations.observed), lags)
+
+
+def _solved(model: TemperatureModel, mean: FloatArray, covariance: FloatArray, lags: FloatArray) -> Polynomials:
+    count = len(model.columns)
+    sigmas = np.sqrt(np.diag(covariance)[count:])
+    return Polynomials(model, mean[:count], covariance[:count, :count], lags + mean[count:], sigmas)
+
+
+def fit_temperature(
+    model: TemperatureModel,
+    points: Sequence[TemperaturePoint],
+    prior: Posterior,
+    lags: FloatArray = NO_LAGS,
+    instability: FloatArray | None = None,
+) -> TemperatureFit:
+    """Fit the coefficients as `polynomials` does, and test the fit.
+
+    The covariance of the constant coefficients includes the hysteresis, whose sense is unknown in use, and the bias
+    instability, which the number of points does not reduce.
+
+    Parameters
+    ----------
+    model, points, prior, lags : see `polynomials`
+    instability : sigmas of the parameters due to bias instability, SI, shape (30,)
+    """
+    equations, before = equations_of(model, points, prior), unknowns_before(model, prior, lags)
+    consistency, test, hysteretic = _tested(model, equations, before.sigma)
+    mean, covariance = before.updated(equations.jacobian, equations.observed)
+    hysteresis = _hysteresis(equations, before, prior)
+    further = hysteresis**2 + (0.0 if instability is None else instability**2)
+    for k, column in enumerate(model.columns):
+        if column.power == 0 and before.sigma[k] > 0.0:
+            covariance[k, k] += further[column.parameter]
     groups = hysteretic or (GROUPS if test.passed else ())
-    return replace(fit, up_down=_up_down(equations, before, prior, groups))
+    return TemperatureFit(
+        **vars(_solved(model, mean, covariance, lags)),
+        points=tuple(points),
+        consistency=consistency,
+        test=test,
+        hysteresis=hysteresis,
+        up_down=_up_down(equations, before, prior, groups),
+    )
 
 
 def predicted_covariance(model: TemperatureModel, points: Sequence[TemperaturePoint], prior: Posterior) -> FloatArray:
     """Return the covariance of the scaled coefficients after a fit to points, shape (c, c); see `fit_temperature`."""
-    equations = _equations(model, points, prior)
-    return _before(model, prior).updated(equations.jacobian, equations)[1]
+    return polynomials(model, points, prior).scaled_covariance
 
 
-def _before(model: TemperatureModel, prior: Posterior) -> "_Coefficients":
-    """Return the coefficients before the fit."""
-    index = [column.parameter for column in model.columns]
-    sigma = prior.sigma[index]
-    precision = np.zeros((len(index), len(index)))
-    first = [k for k, column in enumerate(model.columns) if column.power == 0 and sigma[k] > 0.0]
-    free = [index[k] for k in first]
-    precision[np.ix_(first, first)] = np.linalg.inv(prior.covariance[np.ix_(free, free)])
-    for k, column in enumerate(model.columns):
-        if column.power != 0 and sigma[k] > 0.0:
-            precision[k, k] = sigma[k] ** -2
-    mean = np.array([prior.mean[c.parameter] if c.power == 0 else 0.0 for c in model.columns])
-    return _Coefficients(mean, sigma, precision)
+def _hysteresis(equations: Equations, before: Unknowns, prior: Posterior) -> FloatArray:
+    """Return the sigmas of the parameters due to the hysteresis of their groups, SI, shape (30,).
+
+    That of a group is the rms of half of the differences between rising and falling temperature, without their own
+    variances, or 0 if the differences are not significant.
+    """
+    sigmas = np.zeros(COUNT)
+    for group in GROUPS:
+        rows = () if group.endswith("_lever") else _up_down(equations, before, prior, (group,))
+        chi2 = sum((row.difference / row.sigma) ** 2 for row in rows)
+        if rows and chdtrc(len(rows), chi2) < _NOISE_PROBABILITY:
+            mean = sum(row.difference**2 - row.sigma**2 for row in rows) / len(rows)
+            sigmas[group_indices(group)] = 0.5 * np.sqrt(max(mean, 0.0))
+    return sigmas
 
 
-@dataclass(frozen=True)
-class _Coefficients:
-    """Coefficients before the fit: means and sigmas, shape (c,), and their joint precision, shape (c, c)."""
-
-    mean: FloatArray
-    sigma: FloatArray  #: 0 for a fixed coefficient.
-    precision: FloatArray
-
-    def updated(self, jacobian: FloatArray, equations: _Equations) -> tuple[FloatArray, FloatArray]:
-        """Return the coefficients after the observations, and their covariance."""
-        used = np.flatnonzero(self.sigma > 0.0)
-        scale = self.sigma[used]
-        part = jacobian[:, used] * scale
-        information = part.T @ part + self.precision[np.ix_(used, used)] * np.outer(scale, scale)
-        covariance = np.zeros_like(self.precision)
-        covariance[np.ix_(used, used)] = np.linalg.inv(information) * np.outer(scale, scale)
-        return self.mean + covariance @ (jacobian.T @ (equations.observed - jacobian @ self.mean)), covariance
-
-    def with_further(self, sigma: FloatArray) -> "_Coefficients":
-        """Return the coefficients with further, independent ones of mean 0."""
-        free = np.where(sigma > 0.0, sigma, np.inf)
-        zeros = np.zeros((len(self.sigma), len(sigma)))
-        precision = np.block([[self.precision, zeros], [zeros.T, np.diag(free**-2)]])
-        return _Coefficients(np.append(self.mean, 0.0 * sigma), np.append(self.sigma, sigma), precision)
-
-
-def _up_down(
-    equations: _Equations, before: _Coefficients, prior: Posterior, groups: Sequence[str]
-) -> tuple[UpDown, ...]:
+def _up_down(equations: Equations, before: Unknowns, prior: Posterior, groups: Sequence[str]) -> tuple[UpDown, ...]:
     """Return the differences between rising and falling temperature of all parameters in groups, fitted jointly.
 
     Parameters
@@ -270,8 +248,8 @@ def _up_down(
     index = np.concatenate([group_indices(group) for group in groups])
     added = [_hysteresis_columns(equations, group, ways) for group in groups]
     columns = [*(begin for begin, _ in added), *(difference for _, difference in added)]
-    further = np.tile(prior.sigma[index], 2)
-    mean, covariance = before.with_further(further).updated(np.hstack([equations.jacobian, *columns]), equations)
+    before = before.with_further(np.zeros(2 * len(index)), np.tile(prior.sigma[index], 2))
+    mean, covariance = before.updated(np.hstack([equations.jacobian, *columns]), equations.observed)
     sigma = np.sqrt(np.diag(covariance))[-len(index) :]
     return tuple(
         UpDown(NAMES[i], float(d), float(s))
@@ -283,34 +261,30 @@ def _up_down(
 def with_orders(model: TemperatureModel, points: Sequence[TemperaturePoint], prior: Posterior) -> TemperatureModel:
     """Return the model with the orders that the data support, group by group, from 0.
 
-    An order is increased while that lowers the Bayesian information criterion, up to one less than the number of
-    different temperatures. Groups with an order in the model keep it.
+    An order is increased while that lowers the Bayesian information criterion. One more, as far as the temperatures
+    determine it, covers the terms that are too small to be significant, but not small relative to the sigmas. Groups
+    with an order in the model keep it, and levers do not depend on the temperature.
     """
-    fitted = [p for p in points if not p.is_held_out]
-    highest = different_temperatures(fitted) - 1
-    chosen = model
+    fitted, chosen = [p for p in points if not p.is_held_out], model
+    highest = min(different_temperatures(fitted) - 1, _HIGHEST)
+    free = [g for g in GROUPS if not (g in model.order or g.endswith("_lever")) and prior.sigma[group_indices(g)].any()]
+    equations = equations_of(model, points, prior)
+    projector = _Projector(equations.jacobian)
     while True:
-        equations = _equations(chosen, points, prior)
-        projector = _Projector(equations.jacobian)
-        gains = {}
-        for group in GROUPS:
-            order = chosen.order.get(group, 0)
-            if group in model.order or order >= highest or not prior.sigma[group_indices(group)].any():
-                continue
-            added = _next_order(chosen, equations, group)
-            gain, _ = projector.explained(equations.observed, added)
-            gains[group] = gain - added.shape[1] * np.log(max(len(equations.observed), 2))
+        gains, added = dict[str, float](), dict[str, FloatArray]()
+        for group in free:
+            if chosen.order.get(group, 0) < highest:
+                added[group] = _next_order(chosen, equations, group)
+                gain, _ = projector.explained(equations.observed, added[group])
+                gains[group] = gain - added[group].shape[1] * np.log(max(len(equations.observed), 2))
         best = max(gains, key=lambda group: gains[group], default=None)
         if best is None or gains[best] <= 0.0:
-            return chosen
+            break
+        projector.extend(added[best])
         chosen = chosen.with_order(best, chosen.order.get(best, 0) + 1)
-
-
-def _equations(model: TemperatureModel, points: Sequence[TemperaturePoint], prior: Posterior) -> _Equations:
-    fitted = [(p, *p.observations(prior.sigma)) for p in points if not p.is_held_out]
-    observed = np.concatenate([y for _, y, _ in fitted])
-    jacobian = np.vstack([j @ model.basis(p.temperature, p.rate) for p, _, j in fitted])
-    return _Equations(observed, jacobian, tuple((p, j) for p, _, j in fitted))
+    for group in free:
+        chosen = chosen.with_order(group, min(chosen.order.get(group, 0) + 1, highest))
+    return chosen
 
 
 class _Projector:
@@ -327,12 +301,20 @@ class _Projector:
         """Return the residual."""
         return np.asarray(observed - self._basis @ (self._basis.T @ observed))
 
+    def extend(self, added: FloatArray) -> None:
+        """Also remove what further columns explain."""
+        self._basis = np.hstack([self._basis, self._basis_of(added)])
+
     def explained(self, observed: FloatArray, added: FloatArray) -> tuple[float, int]:
-        """Return the decrease of the sum of squares by further columns, shape (n, k), and their effective number."""
+        """Return the decrease of the sum of squares by further columns, shape (n, k), and their number that counts."""
+        kept = self._basis_of(added)
+        return float(np.sum((kept.T @ observed) ** 2)), kept.shape[1]
+
+    def _basis_of(self, added: FloatArray) -> FloatArray:
+        """Return a basis of what further columns add, shape (n, at most k)."""
         columns = self.remaining(added)
         u, values, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(added, axis=0), 1e-300), full_matrices=False)
-        kept = u[:, values > 1e-8]
-        return float(np.sum((kept.T @ observed) ** 2)), kept.shape[1]
+        return np.asarray(u[:, values > 1e-8])
 
 
 @dataclass(frozen=True)
@@ -346,13 +328,14 @@ class _Candidate:
 
 
 def _tested(
-    model: TemperatureModel, equations: _Equations, jacobian: FloatArray
+    model: TemperatureModel, equations: Equations, sigma: FloatArray
 ) -> tuple[Consistency, ModelTest, tuple[str, ...]]:
     """Return the test of the residuals, that of the columns that explain most of them, and groups with a hysteresis.
 
     The tests are those of the residuals without the hysteresis. Residuals that are too large without columns that
     explain them fail the second one as scatter.
     """
+    jacobian = equations.jacobian[:, sigma > 0.0] * sigma[sigma > 0.0]
     hysteretic, ways = tuple[str, ...](), _ways(equations)
     while ways is not None:
         candidates = _candidates(model, equations, _Projector(jacobian), ways)
@@ -378,7 +361,7 @@ def _tested(
 
 
 def _candidates(
-    model: TemperatureModel, equations: _Equations, projector: _Projector, ways: FloatArray | None
+    model: TemperatureModel, equations: Equations, projector: _Projector, ways: FloatArray | None
 ) -> Iterator[_Candidate]:
     """Yield the possible causes of the residuals of every group.
 
@@ -387,7 +370,7 @@ def _candidates(
     model : orders of the polynomials
     equations : observations
     projector : removes what the coefficients explain
-    ways : direction of every point, shape (points,); None to exclude a hysteresis
+    ways : direction of every point, shape (points,); None if a hysteresis is no cause
     """
     points = [p for p, _ in equations.points]
     times = np.array([p.time for p in points])
@@ -396,15 +379,17 @@ def _candidates(
     for group in GROUPS:
         causes = {
             "temperature_order": _next_order(model, equations, group),
-            "changed_in_time": _columns(equations, group, times),
+            "changed_in_time": equations.columns(group, times),
         }
         if ways is not None:
             causes[_HYSTERESIS] = np.hstack(_hysteresis_columns(equations, group, ways))
         if group not in model.rate_term and np.abs(rates).max(initial=0.0) > _STEADY_RATE:
-            causes["temperature_rate"] = _columns(equations, group, rates)
-        most, freedom = projector.explained(equations.observed, _each_point(equations, group))
-        for cause, added in causes.items():
-            gain, count = projector.explained(equations.observed, added)
+            causes["temperature_rate"] = equations.columns(group, rates)
+        explained = {cause: projector.explained(equations.observed, added) for cause, added in causes.items()}
+        most, freedom = 0.0, 0
+        if max(gain - count for gain, count in explained.values()) > MAX_EXCESS:
+            most, freedom = projector.explained(equations.observed, _each_point(equations, group))
+        for cause, (gain, count) in explained.items():
             yield _Candidate(cause, group, gain - count, _is_scatter(gain, count, most - gain, freedom - count))
 
 
@@ -421,13 +406,13 @@ def _is_scatter(gain: float, count: int, rest: float, freedom: int) -> bool:
     """
     if freedom <= 0 or count == 0:
         return gain - count > MAX_EXCESS
-    if chdtrc(freedom, rest) > _NOISE_PROBABILITY:
+    if chdtrc(freedom, rest) > _REMAINING_PROBABILITY:
         return False
     ratio = (gain / count) / max(rest / freedom, 1.0)
     return bool(fdtrc(count, freedom, ratio) > _SCATTER_PROBABILITY)
 
 
-def _most_scattered(equations: _Equations, projector: _Projector) -> str:
+def _most_scattered(equations: Equations, projector: _Projector) -> str:
     """Return the group whose changes from point to point explain most of the residuals."""
 
     def excess(group: str) -> float:
@@ -437,51 +422,27 @@ def _most_scattered(equations: _Equations, projector: _Projector) -> str:
     return max(GROUPS, key=excess)
 
 
-def _ways(equations: _Equations) -> FloatArray | None:
+def _ways(equations: Equations) -> FloatArray | None:
     """Return half a step up for points after a rise, and down after a fall; None if a way has too few points."""
     ways = np.array([{"up": 0.5, "down": -0.5, "soak": 0.0}[p.way] for p, _ in equations.points])
     return ways if min(np.count_nonzero(ways > 0.0), np.count_nonzero(ways < 0.0)) >= _MIN_OF_WAY else None
 
 
-def _hysteresis_columns(equations: _Equations, group: str, ways: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _hysteresis_columns(equations: Equations, group: str, ways: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the columns of a change of a group at the first temperature, and between rising and falling temperature.
 
     What came before the first temperature is unknown. `ways` is half a step in the direction of every point.
     """
     begin = np.where(ways == 0.0, 1.0, 0.0)
-    return _columns(equations, group, begin), _columns(equations, group, ways)
+    return equations.columns(group, begin), equations.columns(group, ways)
 
 
-def _each_point(equations: _Equations, group: str) -> FloatArray:
+def _each_point(equations: Equations, group: str) -> FloatArray:
     """Return the columns of a change of a group at every point by itself."""
-    return np.hstack([_columns(equations, group, row) for row in np.eye(len(equations.points))])
+    return np.hstack([equations.columns(group, row) for row in np.eye(len(equations.points))])
 
 
-def _next_order(model: TemperatureModel, equations: _Equations, group: str) -> FloatArray:
-    x = np.array([(p.temperature - model.reference) / model.span for p, _ in equations.points])
-    return _columns(equations, group, x ** (model.order.get(group, 0) + 1))
-
-
-def _columns(equations: _Equations, group: str, sizes: FloatArray) -> FloatArray:
-    return np.stack([equations.column(i, sizes) for i in group_indices(group)], axis=1)
-
-
-def different_temperatures(points: Sequence[TemperaturePoint]) -> int:
-    """Return the number of different temperatures of the points that are not held out."""
-    count, last = 0, -np.inf
-    for temperature in sorted(p.temperature for p in points if not p.is_held_out):
-        if temperature - last > _SAME:
-            count, last = count + 1, temperature
-    return count
-
-
-def nearest_temperature(points: Sequence[TemperaturePoint], temperature: float) -> float:
-    """Return the temperature of a point nearest to another temperature, °C."""
-    found = np.array([p.temperature for p in points])
-    return float(found[np.abs(found - temperature).argmin()])
-
-
-def held_out_points(points: Sequence[TemperaturePoint], temperatures: Sequence[float]) -> list[TemperaturePoint]:
-    """Return the points, those at the temperature nearest to a held-out one marked, however often it was visited."""
-    chosen = [nearest_temperature(points, t) for t in temperatures]
-    return [replace(p, is_held_out=any(abs(p.temperature - t) <= _SAME for t in chosen)) for p in points]
+def _next_order(model: TemperatureModel, equations: Equations, group: str) -> FloatArray:
+    element = group_indices(group)[0]
+    x = np.array([(p.conditions[0][element] - model.reference) / model.span for p, _ in equations.points])
+    return equations.columns(group, x ** (model.order.get(group, 0) + 1))

@@ -5,19 +5,29 @@ from dataclasses import replace
 import numpy as np
 
 from calstation.estimation.common import StageData
-from calstation.estimation.temperature.fit import TemperatureFit
+from calstation.estimation.temperature.course import ELEMENT_OF, ElementTemperatures
+from calstation.estimation.temperature.fit import Polynomials
 from calstation.physics import COUNT, INNER_LEVER, PARAMETERS, FloatArray
 
 #: Number of samples that are converted at once, and fixed-point iterations, whose relative error is M⁵.
 _SAMPLES, _ITERATIONS = 65_536, 5
 
 
-def parameters_at(fit: TemperatureFit, temperature: FloatArray, rate: FloatArray) -> FloatArray:
-    """Return the parameters at temperatures, °C, and rates of change, K/s, of shape (n,); shape (n, 30)."""
-    model = fit.model
-    x, parameters = (temperature - model.reference) / model.span, np.zeros((len(temperature), COUNT))
+def parameters_at(fit: Polynomials, temperature: FloatArray, rate: FloatArray) -> FloatArray:
+    """Return the parameters at temperatures and rates of change of gyros and accelerometers, shape (n, 30).
+
+    Parameters
+    ----------
+    fit : parameters over temperature
+    temperature, rate : °C and K/s, shape (n, 2)
+    """
+    model, parameters = fit.model, np.zeros((len(temperature), COUNT))
+    x = (temperature - model.reference) / model.span
+    powers = [x**k for k in range(max(model.order.values(), default=0) + 1)]
     for size, column in zip(fit.scaled, model.columns, strict=True):
-        parameters[:, column.parameter] += size * (60.0 * rate if column.power is None else x**column.power)
+        i = column.parameter
+        basis = 60.0 * rate if column.power is None else powers[column.power]
+        parameters[:, i] += size * basis[:, ELEMENT_OF[i]]
     return parameters
 
 
@@ -51,21 +61,20 @@ def compensate_each(gyro: FloatArray, accel: FloatArray, parameters: FloatArray)
     return rate, force + parameters[:, INNER_LEVER] * (square.sum(axis=1, keepdims=True) - square)
 
 
-def reduced(data: StageData, fit: TemperatureFit, temperature: FloatArray, constant: FloatArray) -> StageData:
+def reduced(data: StageData, fit: Polynomials, elements: ElementTemperatures, constant: FloatArray) -> StageData:
     """Return the samples as if the unit had `constant` parameters, shape (30,).
 
     Parameters
     ----------
     data : samples of a stage
     fit : parameters over temperature
-    temperature : temperature of each sample, °C, shape (n,)
+    elements : temperatures of gyros and accelerometers
     constant : SI, shape (30,)
     """
-    rates = np.gradient(temperature, data.dt) if len(data) > 1 else np.zeros(len(data))
     gyro, accel = np.empty_like(data.gyro), np.empty_like(data.accel)
     for start in range(0, len(data), _SAMPLES):
         part = slice(start, start + _SAMPLES)
-        parameters = parameters_at(fit, temperature[part], rates[part])
+        parameters = parameters_at(fit, *elements.at(data.time[part]))
         rate, force = corrected(data.gyro[part], data.accel[part], parameters)
         errors = _errors(rate, force, np.broadcast_to(constant, parameters.shape))
         gyro[part], accel[part] = rate + errors[0], force + errors[1]

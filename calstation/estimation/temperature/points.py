@@ -1,0 +1,85 @@
+"""Solutions of the samples at several temperatures."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from calstation.estimation.common import Posterior
+from calstation.estimation.temperature.course import ELEMENT_OF
+from calstation.physics import COUNT, FloatArray
+
+Way = Literal["up", "down", "soak"]
+#: Smallest information of an observation, relative to that of the prior.
+_INFORMATIVE = 1.0
+#: Difference of temperatures up to which they count as one, K.
+_SAME = 1.0
+
+
+@dataclass(frozen=True)
+class TemperaturePoint:
+    """Solution of the samples at one temperature."""
+
+    temperature: float  #: Mean temperature of the sensor, °C.
+    rate: float  #: Mean rate of change, K/s.
+    time: float  #: Mean time since the begin of the stage, s.
+    way: Way  #: Change of the temperature towards this one.
+    first_seq: int
+    last_seq: int
+    prior: Posterior
+    posterior: Posterior
+    is_held_out: bool = False
+    extent: tuple[float, float] | None = None  #: Lowest and highest temperature, °C; None if it did not change.
+    #: Mean temperatures of gyros and accelerometers, °C, and their rates, K/s, shape (2, 2); None if they are those of
+    #: the sensor.
+    elements: FloatArray | None = None
+
+    @property
+    def conditions(self) -> tuple[FloatArray, FloatArray]:
+        """Temperature, °C, and rate of change, K/s, of the element of each parameter, shape (30,) each."""
+        if self.elements is None:
+            return np.full(COUNT, self.temperature), np.full(COUNT, self.rate)
+        return self.elements[0, ELEMENT_OF], self.elements[1, ELEMENT_OF]
+
+    def observations(self, scale: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return decorrelated observations of unit variance, shape (n,), and their Jacobian, shape (n, 30).
+
+        `scale` are the sigmas of the prior, 0 for a fixed parameter. The observations contain the data only.
+        """
+        free = scale > 0.0
+        s = scale[free]
+        before, after = (np.linalg.inv(p.covariance[np.ix_(free, free)] / np.outer(s, s)) for p in self._both)
+        means = [p.mean[free] / s for p in self._both]
+        values, vectors = np.linalg.eigh(after - before)
+        kept = values > _INFORMATIVE
+        roots = np.sqrt(values[kept])
+        observed = vectors[:, kept].T @ (after @ means[1] - before @ means[0]) / roots
+        jacobian = np.zeros((len(roots), COUNT))
+        jacobian[:, free] = roots[:, None] * vectors[:, kept].T / s
+        return observed, jacobian
+
+    @property
+    def _both(self) -> tuple[Posterior, Posterior]:
+        return self.prior, self.posterior
+
+
+def different_temperatures(points: Sequence[TemperaturePoint]) -> int:
+    """Return the number of different temperatures of the points that are not held out."""
+    count, last = 0, -np.inf
+    for temperature in sorted(p.temperature for p in points if not p.is_held_out):
+        if temperature - last > _SAME:
+            count, last = count + 1, temperature
+    return count
+
+
+def nearest_temperature(points: Sequence[TemperaturePoint], temperature: float) -> float:
+    """Return the temperature of a point nearest to another temperature, °C."""
+    found = np.array([p.temperature for p in points])
+    return float(found[np.abs(found - temperature).argmin()])
+
+
+def held_out_points(points: Sequence[TemperaturePoint], temperatures: Sequence[float]) -> list[TemperaturePoint]:
+    """Return the points, those at the temperature nearest to a held-out one marked, however often it was visited."""
+    chosen = [nearest_temperature(points, t) for t in temperatures]
+    return [replace(p, is_held_out=any(abs(p.temperature - t) <= _SAME for t in chosen)) for p in points]

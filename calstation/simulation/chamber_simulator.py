@@ -1,0 +1,62 @@
+"""Simulation of a stage over temperature without any protocol: a unit on a table in a chamber with its controller."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from calstation.bench import BenchConfig
+from calstation.bench.chamber import ChamberMachine
+from calstation.bench.truth import GRID, BenchTruth, Samples, Simulator, UnitThermal
+from calstation.physics import FloatArray, IntArray, Ramp, Soak, Step
+
+#: Time between two temperatures of a track, s, and largest difference of the air from the set point of a soak, K.
+_INTERVAL, _TOLERANCE = 1.0, 1.0
+#: Standard deviation of the noise of the unit's sensor, and its resolution, K.
+_NOISE, _RESOLUTION = 0.0, 0.01
+
+
+class ChamberSimulator(Simulator):
+    """Simulates a stage `temperature`; `thermal` contains the true temperatures and parameters of the unit."""
+
+    def __init__(self, truth: BenchTruth, config: BenchConfig, seed: int) -> None:
+        thermal = config.unit_thermal()
+        if thermal is None or config.chamber is None:
+            raise ValueError("a bench without a chamber")
+        self.thermal: UnitThermal = thermal
+        self._chamber = ChamberMachine(config.chamber)
+        self._chamber.start()
+        self._target, self._rate = self._chamber.set_point, 0.0
+        self._sensed: list[float] = []  #: Temperatures of the unit's sensor, one per `GRID`.
+        super().__init__(truth, seed, thermal=thermal, air=self._air)
+
+    def _air(self) -> float:
+        """Advance the chamber by a cell of the grid, and return the temperature of its air, °C."""
+        chamber, change = self._chamber, self._rate * GRID
+        chamber.set_point += float(np.clip(self._target - chamber.set_point, -change, change))
+        chamber.advance(len(self._sensed) * GRID)
+        self._sensed.append(round(self.thermal.places[0] / _RESOLUTION) * _RESOLUTION)
+        return chamber.truth.air
+
+    def _further(self, step: Step) -> Iterator[Samples]:
+        if isinstance(step, Ramp):
+            self._target, self._rate = step.temperature, step.rate / 60.0
+        elif isinstance(step, Soak):
+            self._target = self._chamber.set_point = step.temperature
+            begin, arrived = self.time, np.inf
+            while self.time - begin < step.timeout:
+                yield self._produce(_INTERVAL)
+                if abs(self._chamber.temperature - self._target) > _TOLERANCE:
+                    arrived = np.inf
+                else:
+                    arrived = min(arrived, self.time)
+                if self.time - arrived >= step.hold and abs(self._slope(step.hold)) <= step.slope:
+                    return
+
+    def _slope(self, period: float) -> float:
+        """Return the rate of the unit's sensor over the last period, K/min."""
+        recent = np.array(self._sensed[-round(period / GRID) :])
+        return float(np.polyfit(np.arange(len(recent)) * GRID / 60.0, recent, 1)[0])
+
+    def _temperatures(self, seq: IntArray) -> FloatArray:
+        per_cell = max(1, round(GRID / self._stream.interval))
+        return np.array(self._sensed)[seq // per_cell]
