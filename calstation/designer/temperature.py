@@ -39,6 +39,9 @@ _APART = 5.0
 #: Largest rate of a ramp, relative to the largest rate of the chamber, which needs a reserve; and all tried rates,
 #: relative to this one.
 _FASTEST, _RATES = 0.8, (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1, 0.05)
+#: Rate below which a unit is steady between two ramps, relative to that of the ramps, and its largest distance from the
+#: end of the range then, K.
+_STEADY, _SHORT = 0.1, 1.5
 
 
 @dataclass(frozen=True)
@@ -319,7 +322,11 @@ class _Designer:
         largest = min(self._values["ramp_c_per_min"] or _FASTEST * chamber, chamber)
         for share in _RATES:
             rate = min(float(f"{share * largest:.2g}"), largest)
-            schedule = self._result(self._schedule(points, 1, rate), 1, 0)
+            values = self._schedule(points, 1, rate)
+            slope = min(_STEADY * rate, 60.0 * _SHORT / self._thermal.time_constant)
+            steady = float(f"{max(values['soak']['unit_rate_below_c_per_min'], slope):.2g}")
+            values["soak"] = {**values["soak"], "unit_rate_below_c_per_min": steady}
+            schedule = self._result(values, 1, 0)
             if self._reached(schedule):
                 break
         return schedule

@@ -199,10 +199,24 @@ def test_ramp_is_chosen_if_it_is_stated_and_held_out_temperatures_are_visited(tm
     found = design(path, time_constant=270.0)
     assert found.is_ramp
     assert found.ramp.schedule["ramp_c_per_min"] == 3.0
+    # between the ramps the unit need not be as steady as in a soak, but within 1.5 K of the end of the range
+    assert found.ramp.schedule["soak"]["unit_rate_below_c_per_min"] == 0.3
     assert {60.0, 22.0} < set(found.soak.schedule["points_c"])
     text = temperature_product(read_text(PRODUCT), found)
     assert tomllib.loads(text)["schedule"]["temperature"]["ramp_c_per_min"] == found.ramp.schedule["ramp_c_per_min"]
     assert check("products", text) == []
+
+
+def test_ramp_of_a_mems_unit_takes_less_than_two_hours(tmp_path: Path) -> None:
+    stated = 'order = "auto"\nrate_term = ["gyro_bias", "accel_bias"]'
+    ramp = "[schedule.temperature]\nramp_c_per_min = 4.0"
+    path = product_with(tmp_path, ('order = "auto"', stated), ("[schedule.temperature]", ramp))
+    found = design(path, time_constant=270.0, self_heating=4.0)
+    assert found.is_ramp
+    assert found.ramp.worst < 0.3
+    assert found.ramp.course.duration < 6600.0
+    slow = design(path, time_constant=900.0, self_heating=4.0)
+    assert slow.ramp.schedule["soak"]["unit_rate_below_c_per_min"] == 0.1
 
 
 def test_range_beyond_the_devices_and_a_station_without_chamber_are_refused() -> None:
