@@ -90,7 +90,7 @@ class LiveBench:
                 self.truth.imu, self.truth.table, stream_seed, thermal=self.thermal, air=self._air
             )
         else:
-            #: Time of the first unit when that of this one is 0, s, at equal temperatures.
+            #: Device time of the first unit at which the device time of this one is 0, s, at equal temperatures.
             self._begin = (config.power_on_s - first._power_on) * first._gain
             self._stream = SensorStream(
                 self.truth.imu,
@@ -143,7 +143,7 @@ class LiveBench:
 
     @property
     def _late(self) -> float:
-        """Time by which the temperature has made the clock late, s."""
+        """Delay of the clock due to the temperature, s."""
         return 0.0 if self.thermal is None else self.thermal.late
 
     @property

@@ -371,7 +371,7 @@ class RawLogWriter:
         """Remove a file that could not be created."""
         if hasattr(self, "_hdf5_handle"):
             self._disconnect()
-            with suppress(OSError, RuntimeError):  # nothing cannot be extended
+            with suppress(OSError, RuntimeError):  # `os.devnull` cannot be extended
                 self._file.close()
         os.close(self._sync_handle)
         self.path.unlink(missing_ok=True)
@@ -392,14 +392,14 @@ class RawLogWriter:
             raise ConfigurationError("log.not_written", file=self.path, reason=_os_reason(exc)) from exc
 
     def _disconnect(self) -> None:
-        """Let HDF5 write to nothing, because closing its objects after a failed write may crash the process."""
+        """Redirect HDF5 to `os.devnull`, because closing its objects after a failed write may crash the process."""
         if self._disconnected:  # the descriptor may already belong to another file
             return
         self._disconnected = True
         with suppress(OSError):
-            nothing = os.open(os.devnull, os.O_RDWR)
-            os.dup2(nothing, self._hdf5_handle)
-            os.close(nothing)
+            null = os.open(os.devnull, os.O_RDWR)
+            os.dup2(null, self._hdf5_handle)
+            os.close(null)
         with suppress(OSError):
             self._extend_to_stated_length()
 

@@ -207,7 +207,7 @@ class Recording:
         length = np.linalg.norm(force, axis=1)
         if len(force) < 4 or np.std(length) > _MEANS_SCATTER * np.mean(length):
             return
-        with np.errstate(over="ignore", invalid="ignore"):  # of zeros, there is no direction
+        with np.errstate(over="ignore", invalid="ignore"):  # a zero vector has no direction
             turn = np.arccos(np.clip(np.sum(force[1:] * force[:-1], axis=1) / (length[1:] * length[:-1]), -1.0, 1.0))
         if float(np.median(turn)) > _MEANS_ANGLE:
             raise InputError("csv.means", file=self.path)

@@ -101,9 +101,9 @@ class ControlLoop:
             raise PauseRequested
 
     def feed_watchdog(self) -> None:
-        """Feed the watchdog of the table, write the logs to disk if necessary, and lead and poll the chamber.
+        """Feed the watchdog of the table, write the logs to disk if necessary, and control and poll the chamber.
 
-        The watchdog is fed if a quarter of its timeout has passed (host time), the chamber polled if it is time to.
+        The watchdog is fed if a quarter of its timeout has passed (host time); the chamber is polled when due.
         """
         now = time.monotonic()
         if self.status.watchdog > 0.0 and now - self._fed_at > 0.25 * self.status.watchdog:

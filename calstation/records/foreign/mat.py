@@ -70,16 +70,16 @@ def _collect(name: str, value: Any, arrays: dict[str, FloatArray]) -> None:
         arrays[name] = np.asarray(value.reshape(len(value), -1), np.float64)
 
 
-def _collect_hdf5(name: str, group: Any, arrays: dict[str, FloatArray], most: int) -> None:
-    """Collect the arrays of a group of at most so many numbers, without following links to other files and groups."""
+def _collect_hdf5(name: str, group: Any, arrays: dict[str, FloatArray], limit: int) -> None:
+    """Collect the arrays of a group, of at most `limit` numbers, without following links to other files and groups."""
     for key in group:
         if key.startswith("#") or not isinstance(group.get(key, getlink=True), h5py.HardLink):
             continue
         item = group[key]
         if isinstance(item, h5py.Group):
-            _collect_hdf5(f"{name}{key}.", item, arrays, most)
+            _collect_hdf5(f"{name}{key}.", item, arrays, limit)
         elif isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu" and item.ndim == 2:
-            if sum(array.size for array in arrays.values()) + item.size > most or item.external or item.is_virtual:
+            if sum(array.size for array in arrays.values()) + item.size > limit or item.external or item.is_virtual:
                 raise InputError("foreign.too_large", file=group.file.filename)
             value = item[:].T  # MATLAB stores columns first
             _collect(f"{name}{key}", value.T if len(value) == 1 else value, arrays)

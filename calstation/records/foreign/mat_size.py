@@ -19,7 +19,7 @@ _ARRAY, _PACKED = 14, 15
 _HEADER, _TAG, _DIMENSIONS = 128, 8, 2
 #: Sizes of a number by the type of its element, bytes; those of other types have one.
 _WIDTHS = {3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8, 17: 2, 18: 4}
-#: Largest amounts of numbers, 13 h of an IMU at 100 Hz, and of arrays; scipy crashes if thousands are nested.
+#: Maximum counts of numbers, 13 h of an IMU at 100 Hz, and of arrays; scipy crashes if thousands are nested.
 MAX_NUMBERS, _MAX_ARRAYS = 1 << 25, 1000
 _PIECE = 1 << 16
 _Order = Literal["little", "big"]
@@ -33,7 +33,7 @@ def check_size(path: Path) -> None:
     limit = max(MAX_NUMBERS, path.stat().st_size)
     with path.open("rb") as file:
         head = file.read(_HEADER)
-        if 0 in head[:4]:  # version 4, which packs nothing
+        if 0 in head[:4]:  # version 4, which has no compression
             return
         order: _Order = "big" if head.endswith(b"MI") else "little"
         numbers = arrays = 0
@@ -52,24 +52,24 @@ def check_size(path: Path) -> None:
             file.seek(end)
 
 
-def _count(read: Callable[[int], bytes], order: _Order, most_numbers: int, most_arrays: int) -> tuple[int, int]:
-    """Return the amounts of numbers and arrays of the elements that `read` returns, at least up to a limit."""
-    numbers = arrays = place = 0
-    while numbers <= most_numbers and arrays <= most_arrays and len(tag := read(_TAG)) == _TAG:
+def _count(read: Callable[[int], bytes], order: _Order, max_numbers: int, max_arrays: int) -> tuple[int, int]:
+    """Return the counts of numbers and arrays of the elements that `read` returns, at least up to a limit."""
+    numbers = arrays = position = 0
+    while numbers <= max_numbers and arrays <= max_arrays and len(tag := read(_TAG)) == _TAG:
         kind, size = _integers(tag, order)
         if kind == _ARRAY:
-            arrays, place = arrays + 1, 0
+            arrays, position = arrays + 1, 0
             continue
-        place += 1
+        position += 1
         if kind >> 16:
             continue
         numbers += size // _WIDTHS.get(kind, 1)
-        if place == _DIMENSIONS and size <= _PIECE:
+        if position == _DIMENSIONS and size <= _PIECE:
             numbers += abs(math.prod(_integers(read(size), order)))
             size = -size % 8
         else:
             size += -size % 8
-        while numbers <= most_numbers and size > 0:
+        while numbers <= max_numbers and size > 0:
             read(min(size, _PIECE))
             size -= _PIECE
     return numbers, arrays
