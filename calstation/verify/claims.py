@@ -15,8 +15,8 @@ from .model import NAMES
 from .samples import UnreadableError
 
 #: Exceptions of a damaged file.
-DAMAGED = (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, StopIteration, RecursionError)
-DAMAGED = (*DAMAGED, zlib.error, ElementTree.ParseError)
+DAMAGED: tuple[type[Exception], ...] = (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
+DAMAGED = (*DAMAGED, StopIteration, RecursionError, zlib.error, ElementTree.ParseError)
 #: Largest file and largest attachment, bytes.
 _LARGEST = 200_000_000
 

@@ -17,7 +17,12 @@ WINDOW, MARGIN, SHORTEST = 0.5, 0.3, 1.0
 #: Correlation time of the drift of a bias, s, and its sigma per bias instability.
 DRIFT_TIME, DRIFT_SIGMA = 200.0, 1.375
 #: Entries of a table profile that it may omit.
-TABLE = {"outer_axis": (1.0, 0.0, 0.0), "inner_axis": (0.0, 0.0, 1.0), "orientation": "+x+z", "outer_lever": ""}
+TABLE: dict[str, object] = {
+    "outer_axis": (1.0, 0.0, 0.0),
+    "inner_axis": (0.0, 0.0, 1.0),
+    "orientation": "+x+z",
+    "outer_lever": "",
+}
 TABLE |= {"encoder_sigma_deg": 0.05, "mount_sigma_deg": 1.0, "azimuth_sigma_deg": 0.5, "base_tilt_sigma_deg": 0.2}
 TABLE |= {"velocity_sigma": 1e-3, "velocity_interval_s": 0.1, "axis_offset_mm": (0.0, 0.0), "axis_offset_sigma_mm": 0.5}
 #: Columns of the samples that the digest of every log covers, and those that it covers if a log has them.
@@ -199,8 +204,8 @@ def mean_force(stage, setting, first, last):
     width, blocks = min(stride, max(count // 2, 1)), max(count // stride, 2)
     middle = np.arange(blocks) - 0.5 * (blocks - 1)
     slope = middle / (np.sum(middle**2) * width * dt)  # of a line through the mean velocities
-    # the velocity at a sample is the sum of the forces so far; a block's mean counts a force by its later samples
-    weights, later = np.zeros(count), (width - 0.5 - np.arange(width)) / width
+    # a block's mean is that of the velocities at the starts of its samples, which count a force by the later ones
+    weights, later = np.zeros(count), (width - 1.0 - np.arange(width)) / width
     after = np.cumsum(slope[::-1])[::-1] - slope
     weights[: blocks * width] = (slope[:, None] * later + after[:, None]).ravel() * dt
     noise = setting.velocity * np.sum(slope**2) + setting.force_noise * np.sum(weights**2) / dt
