@@ -148,8 +148,8 @@ def main() -> int:
                 continue
             compared.append(done)
             print(
-                f"{case.number}: {case.kind}, {case.grade}, {case.simulator}, "
-                f"{case.length:g}{' short' * case.is_short}, {case.outer_lever}: "
+                f"{case.number}: {'short ' * case.is_short}{case.kind}, {case.grade}, {case.simulator}, "
+                f"{case.length:g}, {case.outer_lever}: "
                 f"{done.largest:.4f} sigma ({done.parameter}), sigma ratio {done.sigma_ratio:.4f}, {done.seconds:.1f} s"
                 + "".join(f"\n    {each}" for each in done.findings),
                 file=sys.stderr,
