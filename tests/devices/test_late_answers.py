@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rtu_server import RtuServer
 
 from calstation.devices.imu.drivers.modbus import ModbusImu
 from calstation.devices.links import ModbusLink, ModbusRefusalError, RtuRequest, SerialLink
@@ -19,6 +18,7 @@ from calstation.devices.links.modbus_rtu import RefusedError, RtuLine, RtuUnit
 from calstation.devices.profiles import ImuProfile, SerialSettings, load_table_profile
 from calstation.devices.table import ModbusTable
 from calstation.errors import DeviceFaultError
+from tests.devices.rtu_server import RtuServer
 from tests.helpers import raises_code
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")

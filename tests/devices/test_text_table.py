@@ -1,6 +1,7 @@
 """Text table drivers tested with request and reply bytes: ATL with a prompt, plain ACL, $MN with checksums."""
 
 import math
+import re
 import socket
 import sys
 import threading
@@ -15,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.devices import UNKNOWN_FAULT, OtherModelError
-from calstation.devices.links import TextRefusalError
+from calstation.devices.links import TextRefusalError, text_link
 from calstation.devices.links.text_link import ChecksummedFraming, PlainFraming, PromptedFraming
 from calstation.devices.profiles import TableProfile, load_table_profile
 from calstation.devices.table import TextTable
@@ -428,3 +429,16 @@ def test_noise_does_not_break_the_framing(noise: list[bytes]) -> None:
         while (found := framing.reply("STP,1", rest)) is not None:
             assert len(found[1]) < len(rest)
             rest = found[1]
+
+
+def test_query_after_unanswered_lines_has_another_form_of_reply_than_these(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(text_link, "SerialLink", lambda *arguments: ScriptedDevice(()))
+    section = profile("acutronic_acl").text
+    assert section is not None
+    link = text_link.TextLink("LINE", section, section.serial)
+    number, limits = (re.compile(section.queries[name].answer) for name in ("position", "limits"))
+    letters = {":Interlock? 1", ":Mode? 1"}
+    link._unanswered = {":Read:Pos? 2": number}
+    assert {*link._distinct_lines()} == {"*IDN?", ":Limit:Absolute? 1", *letters}
+    link._unanswered, link._replies = {":Limit:Absolute? 1": limits}, {":Limit:Absolute? 1": "-1.0,1.0,0.0"}
+    assert {*link._distinct_lines()} == {"*IDN?", *letters}, "the last number of the limits looks like a position"

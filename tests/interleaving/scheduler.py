@@ -297,6 +297,13 @@ class Thread:
             found[0].wait(lambda: not self.is_alive(), timeout)
 
 
+class SimpleQueue(queue._PySimpleQueue):  # type: ignore[name-defined,misc]
+    """A cooperative `queue.SimpleQueue`, which ignores the timeout of a call that does not block."""
+
+    def get(self, block: bool = True, timeout: float | None = None) -> Any:
+        return super().get(block, timeout if block else None)
+
+
 class Pipe:
     """One end of a cooperative pipe, as `multiprocessing.Pipe` makes it, which holds `capacity` messages."""
 
@@ -382,7 +389,7 @@ def _patched(scheduler: Scheduler) -> Iterator[None]:
             (threading, "Thread", for_tasks(Thread, threading.Thread)),
             (threading, "_time", virtual_now),
             (queue, "time", virtual_now),
-            (queue, "SimpleQueue", queue._PySimpleQueue),  # type: ignore[attr-defined]
+            (queue, "SimpleQueue", SimpleQueue),
             (executor_module, "_global_shutdown_lock", Lock()),
             (time, "monotonic", virtual_now),
             (time, "sleep", virtual_sleep),

@@ -3,6 +3,7 @@
 import math
 import re
 import time
+from collections.abc import Iterator
 
 from calstation.devices.codecs import check_function, quote_text
 from calstation.devices.links.dialogue import QUIET_TIME
@@ -123,7 +124,9 @@ class TextLink:
         }
         self._identity = next(iter(self._questions))
         self._identified_as: str | None = None
-        self._unanswered: list[str] = []
+        self._replies: dict[str, str] = {}  #: Last reply to each query.
+        #: Lines whose replies may still arrive, with the pattern of the reply to a query.
+        self._unanswered: dict[str, re.Pattern[str] | None] = {}
         self._last_sent = 0.0
         self._link: SerialLink | None = self._open()
         self._needs_identification = False
@@ -179,8 +182,7 @@ class TextLink:
         """Query the table if late replies may arrive, and return whether the next reply belongs to the next line."""
         if self._is_identified() and not self._unanswered:
             return True
-        other_lines = [line for line in self._questions if line not in self._unanswered]
-        line = other_lines[0] if other_lines and self._is_identified() else self._identity
+        line = next(self._distinct_lines(), self._identity) if self._is_identified() else self._identity
         reply = self._exchange(line, self._questions[line], strict=True)
         if reply is None:
             return False
@@ -188,10 +190,18 @@ class TextLink:
             self._close_link()
             expected = quote_text(self._identified_as or "")
             raise DeviceFaultError("table.other_table", port=self._port, found=quote_text(reply), expected=expected)
-        self._wait_until_quiet()
+        # the reply may be that to an older query with the same line, and others may still arrive
+        self._wait_until_quiet(self._section.timeout_s if line in self._unanswered else QUIET_TIME)
         self._unanswered.clear()
         self._needs_identification = False
         return True
+
+    def _distinct_lines(self) -> Iterator[str]:
+        """Yield the queries whose replies have another form than every reply that may still arrive."""
+        late = [self._replies[line] for line in self._unanswered if line in self._replies]
+        for line, answer in self._questions.items():
+            if answer not in self._unanswered.values() and not any(map(answer.search, late)):
+                yield line
 
     def _send(self, line: str) -> SerialLink:
         link = self._link = self._link or self._open()
@@ -228,29 +238,32 @@ class TextLink:
             self.received = data or self.received
             while (parsed := self._framing.reply(line, received)) is not None:
                 text, received = parsed
+                is_answer = answer is not None and answer.search(text) is not None
+                if is_answer:
+                    self._replies[line] = text
                 if strict:
-                    if answer is not None and answer.search(text):
+                    if is_answer:
                         return text
                     continue
                 other = text
                 if self._refused and self._refused.search(text):
                     raise TextRefusalError("table.line_refused", line=line, answer=quote_text(text))
-                if answer is None or answer.search(text):
+                if answer is None or is_answer:
                     return text
         if answer is not None or other is None:
-            self._unanswered.append(line)
+            self._unanswered[line] = answer
             if "://" in self._port:  # the system may not report a lost connection
                 self._close_link()
             else:
                 self._wait_until_quiet()
         return other
 
-    def _wait_until_quiet(self) -> None:
-        """Wait until the line is quiet, but at most for the reply timeout."""
-        deadline = time.monotonic() + self._section.timeout_s
+    def _wait_until_quiet(self, quiet: float = QUIET_TIME) -> None:
+        """Wait until no byte arrives for `quiet` s, but not much longer than three reply timeouts."""
+        deadline = time.monotonic() + (3.0 if quiet > QUIET_TIME else 1.0) * self._section.timeout_s
         while self._link is not None and time.monotonic() < deadline:
             try:
-                if not self._link.read(QUIET_TIME):
+                if not self._link.read(quiet):
                     return
             except DeviceFaultError:
                 self._close_link()
