@@ -175,6 +175,8 @@ def engine_events(
         engine.send(Command.END_STAGE)
         show_line(console, say("cli.ending_stage"))
 
+    if (process := interruption()) is not None and process.received:
+        raise KeyboardInterrupt  # Python ignored it, for instance while it deleted an object
     with (
         complete_commands(options),
         on_stop_signals(stop),

@@ -11,11 +11,15 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from calstation.cli import process
+from calstation.cli.run import engine_events
 from calstation.records import open_log
+from calstation.runs import Engine
 from tests.cli.conftest import six_position_rows, write_log
 from tests.site_folder import SiteFolder
 
@@ -115,6 +119,13 @@ def test_signal_at_a_random_moment_stops_a_command(tmp_path: Path, seed: int) ->
     name = [*COMMANDS][seed % len(COMMANDS)]
     number = rng.choice((signal.SIGINT, signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT))
     interrupt(tmp_path, name, rng.uniform(0.0, LATEST.get(name, 4.0)), number)
+
+
+def test_interruption_that_python_ignored_starts_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(process, "_interruptions", [SimpleNamespace(received=True)])
+    monkeypatch.setattr(Engine, "start", lambda *_: pytest.fail("a run was started"))
+    with pytest.raises(KeyboardInterrupt):
+        next(engine_events(SiteFolder(tmp_path).request()))
 
 
 def ended(
