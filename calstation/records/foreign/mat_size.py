@@ -30,7 +30,7 @@ def check_size(path: Path) -> None:
 
     Raises zlib.error if the file is damaged.
     """
-    limit = max(MAX_NUMBERS, path.stat().st_size)
+    limit = 2 * max(MAX_NUMBERS, path.stat().st_size)  # numbers are counted in dimensions and in content
     with path.open("rb") as file:
         head = file.read(_HEADER)
         if 0 in head[:4]:  # version 4, which has no compression

@@ -33,7 +33,7 @@ def _read(path: Path, topic: Topic) -> Iterator[Columns]:
 
 
 def _opened(path: Path) -> Any:
-    """Return the reader of a bag, which unpacks no more than permitted. Raises InputError."""
+    """Return the reader of a bag, which unpacks no more than permitted and executes no query. Raises InputError."""
     from rosbags import rosbag1, rosbag2
     from rosbags.highlevel import AnyReader
 
@@ -41,22 +41,24 @@ def _opened(path: Path) -> Any:
     unpacking = Unpacking(bag)
     rosbag1.reader.decompressors.update(bz2=unpacking.bz2, lz4=unpacking.lz4)
     rosbag2.storage_mcap.DECOMPRESSORS.update(lz4=unpacking.lz4, zstd=unpacking.zstd)
-    rosbag2.reader.zstd = SimpleNamespace(open=unpacking.open, decompress=unpacking.zstd)
+    reader: Any = rosbag2.reader
+    reader.zstd = SimpleNamespace(open=unpacking.open, decompress=unpacking.zstd)
+    for kind, name in ((reader.Reader, ".db3"), (reader.DirectoryReader, "sqlite3")):
+        kind.STORAGE_PLUGINS = {**kind.STORAGE_PLUGINS, name: _database}
     if (bag / "metadata.yaml").is_file() and (bag / "metadata.yaml").stat().st_size > _MAX_DESCRIPTION:
         raise InputError("foreign.too_large", file=bag / "metadata.yaml")
-    for database in bag.glob("*.db3") if bag.is_dir() else (bag,):
-        _check_database(database)
     return AnyReader([bag])
 
 
-def _check_database(path: Path) -> None:
-    """Raise ValueError if a database contains a query, which may never end when it is read."""
-    if path.suffix != ".db3":
-        return
+def _database(path: Path) -> Any:
+    """Return the reader of a database. Raises ValueError if it contains a query, which may never end."""
+    from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
     query = "SELECT name FROM sqlite_master WHERE type IN ('view', 'trigger') OR sql LIKE 'CREATE VIRTUAL%'"
     with closing(sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True)) as database:
         if (found := database.execute(query).fetchone()) is not None:
             raise ValueError(f"'{found[0]}' is not a table")
+    return Sqlite3Reader(path)
 
 
 def _bag(path: Path) -> Path:
