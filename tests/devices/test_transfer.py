@@ -122,8 +122,12 @@ def test_nothing_is_written_if_a_value_is_out_of_range() -> None:
 
 def test_failed_read_back_is_not_committed_and_the_unit_is_restarted() -> None:
     unit, entry = RegisterUnit(ignores_writes="accel_bias_z"), FakeEntry()
-    with raises_code(DeviceFaultError, "imu.holds_old"):
+    with raises_code(DeviceFaultError, "imu.holds_old") as caught:
         transfer(unit, MAP, SERIAL, {"accel_bias_z": 0.01, "accel_bias_x": 0.2}, entry.begin)
+    cause = caught.value.values["cause"]
+    assert (cause.code, caught.value.values["serial"]) == ("imu.reads_back_differently", SERIAL)
+    found = {"name": "accel_bias_z", "found": OLD, "wanted": entry.new["accel_bias_z"]}
+    assert found.items() <= cause.values.items()
     assert "commit" not in unit.calls
     assert unit.ram == unit.flash == entry.old
     assert entry.closing == "kept"
@@ -131,12 +135,15 @@ def test_failed_read_back_is_not_committed_and_the_unit_is_restarted() -> None:
 
 def test_transfer_stays_open_if_a_register_is_lost_from_flash() -> None:
     unit, entry = RegisterUnit(loses="gyro_bias_y"), FakeEntry()
-    with raises_code(DeviceFaultError, "imu.holds_neither"):
+    with raises_code(DeviceFaultError, "imu.holds_neither") as caught:
         transfer(unit, MAP, SERIAL, {"gyro_bias_y": 0.01}, entry.begin)
+    assert caught.value.values["cause"].code == "imu.restarted_differently"
     assert entry.closing is None
     assert read_flash_content(unit, entry, MAP) is FlashContent.NEITHER
     unit.loses = ""
+    entry.steps.clear()
     assert restore(unit, MAP, entry) == entry.old == unit.flash
+    assert entry.steps == ["restoring", "written", "committing", "committed", "restarted"]
     assert entry.closing == "restored"
 
 
@@ -167,6 +174,7 @@ def test_transfer_stays_open_if_the_link_is_lost_during_the_commit() -> None:
     unit.calls.clear()
     assert finish(unit, MAP, entry).registers_read == entry.new
     assert "commit" not in unit.calls, "its flash held the new values already: no second cycle"
+    assert entry.steps[-1] == "restarted"
 
 
 def test_restoring_unchanged_registers_uses_no_flash_cycle() -> None:
