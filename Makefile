@@ -5,7 +5,7 @@ VENV := .venv
 # Without compiled files every process of a test would compile its modules again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test rehearse exhaustive check docs benchmarks study fuzz figures sbom fonts pictures clean
+.PHONY: run test rehearse exhaustive check docs benchmarks coverage mutants audit study fuzz figures sbom fonts pictures clean
 
 run: $(VENV)/installed
 	$(VENV)/bin/calstation
@@ -31,6 +31,23 @@ docs: $(VENV)/installed-dev
 
 benchmarks: $(VENV)/installed-dev
 	$(VENV)/bin/python -m pytest tests/benchmarks --benchmark-enable --benchmark-only
+
+# Without the window, and without the scheduler of the interleavings, which replaces the tracer.
+coverage: $(VENV)/installed-dev
+	rm -rf build/coverage && mkdir -p build/coverage
+	$(VENV)/bin/python -m coverage run -m pytest -n 2 --dist worksteal --ignore=tests/gui --ignore=tests/interleaving tests
+	$(VENV)/bin/python -m coverage combine --quiet
+	$(VENV)/bin/python -m coverage json --quiet -o build/coverage/report.json
+	$(VENV)/bin/python tests/branches.py build/coverage/report.json
+
+# Changes of guard, register transfer and judge that the tests must notice.
+mutants: $(VENV)/installed-dev
+	$(VENV)/bin/python -m tests.mutation
+
+# Known vulnerabilities of the packages; ADVISORIES=FOLDER compares with a copy of PyPA's advisory database.
+audit: $(VENV)/installed-dev
+	$(if $(ADVISORIES),,$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check "pip-audit~=2.10.1")
+	$(VENV)/bin/python tests/audit.py $(ADVISORIES)
 
 study: $(VENV)/installed
 	$(VENV)/bin/calstation study
