@@ -20,6 +20,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+sys.path.append(str(Path(__file__).parents[2]))  # as pytest does
+
 #: Longest time of a trial, s.
 LONGEST = 600
 #: Errors of a full disk, a quota, the largest size of a file, and a device.

@@ -14,6 +14,9 @@ import numpy as np
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.records import LogMeta, RawLogWriter, open_log
+
+sys.path.append(str(Path(__file__).parents[2]))  # as pytest does
+
 from tests.faults.failing_disks import preloaded
 from tests.records.records_samples import META, make_block
 

@@ -22,6 +22,9 @@ from pathlib import Path
 from typing import Any
 
 from calstation.records import open_log
+
+sys.path.append(str(Path(__file__).parents[2]))  # as pytest does
+
 from tests.site_folder import SiteFolder
 
 #: Each says when its own code begins: before, Python itself ends.

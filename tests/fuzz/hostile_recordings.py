@@ -20,7 +20,7 @@ import h5py
 import numpy as np
 import scipy.io
 
-sys.path.append(str(Path(__file__).parents[1] / "records"))  # as pytest does
+sys.path += [str(Path(__file__).parents[2]), str(Path(__file__).parents[1] / "records")]  # as pytest does
 
 from foreign_samples import NAMES, TOML, UNITS, imu_message, samples
 from test_flight_logs import FIELDS, FIFO, microseconds, sensor, write_dataflash, write_ulog
