@@ -42,6 +42,7 @@ class ScheduleOptions:
     serial: str  #: Serial number of the unit on a virtual bench; empty on hardware.
     geometry: TableGeometry  #: Axes of the table, or of the gimbal.
     slots: tuple[str, ...] = ()  #: Names of the slots at a station with several units.
+    over_temperature: bool = False  #: Whether the product is calibrated over temperature.
 
 
 def schedule_options(station: Path | None, product: Path | None) -> ScheduleOptions:
@@ -72,6 +73,7 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
         serial=setup.station.virtual_serial,
         geometry=geometry,
         slots=setup.station.slot_names,
+        over_temperature=setup.product.temperature is not None,
     )
 
 

@@ -11,6 +11,7 @@ from calstation.designer.temperature import (
     TIME_CONSTANT,
     TemperatureDesign,
     design_temperature,
+    save_temperature_design,
     temperature_product,
     unit_properties,
 )

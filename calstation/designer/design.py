@@ -234,7 +234,19 @@ def save_design(
     design : design that contains the stage
     author : author of the new version
     """
-    text = designed_product(read_text(product), design)
+    return save_product(report, name, designed_product(read_text(product), design), author)
+
+
+def save_product(report: ProgressCallback, name: str, text: str, author: str) -> tuple[Path, Version]:
+    """Save the text of a product in the site's folder; return its file and version. Raises ConfigurationError.
+
+    Parameters
+    ----------
+    report : callback for the progress
+    name : name of the product
+    text : content of its file
+    author : author of the new version
+    """
     report(0.5)
     version = versions.save("products", name, text, author)
     return library.find("products", name), version

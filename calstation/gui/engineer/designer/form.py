@@ -27,6 +27,8 @@ from calstation.gui.widgets import (
 if TYPE_CHECKING:
     from calstation.designer import DesignRequest
 
+#: Assumed time constant of a unit, s, as in `calstation.designer`, whose import would delay the first paint.
+TIME_CONSTANT = 600.0
 #: Goals of a search.
 SHORTEST, GIVEN_TIME, AS_PRESENT = "shortest", "given_time", "as_present"
 
@@ -47,12 +49,13 @@ class DesignForm(QFrame):
         self._goal.currentIndexChanged.connect(lambda _: self._show_goal())
         self._source = source = FormValues(
             {"margin": 0.8, "minutes": 5.0, "search": 0.0, "rate": 0.0, "acceleration": 0.0, "seed": 0.0}
+            | {"time_constant": TIME_CONSTANT, "self_heating": 0.0}
         )
         self._margin = _SpinField(source, "margin", SpinEdit(0.05, 1.0, 0.05, 2), "engineer.margin")
         self._minutes = _SpinField(
             source, "minutes", SpinEdit(0.5, 60.0, 0.5, 1), "engineer.duration_minutes", "engineer.duration_tip"
         )
-        search = _SpinField(
+        self._search = _SpinField(
             source, "search", SpinEdit(0.0, 3600.0, 10.0, 0), "engineer.search_seconds", zero="engineer.usual"
         )
         self._speeds = {
@@ -62,6 +65,16 @@ class DesignForm(QFrame):
             for name in ("rate", "acceleration")
         }
         seed = _SpinField(source, "seed", SpinEdit(0.0, 9999.0, 1.0, 0), "engineer.seed")
+        #: Properties of the unit in the chamber, over temperature.
+        self._thermal = box(
+            row(
+                _SpinField(source, "time_constant", SpinEdit(1.0, 20_000.0, 10.0, 0), "engineer.time_constant_field"),
+                _SpinField(source, "self_heating", SpinEdit(0.0, 50.0, 0.5, 1), "engineer.self_heating_field"),
+                None,
+                spacing=2 * theme.GRID,
+            )
+        )
+        self._thermal.hide()
         self.button = button("design_button", "engineer.design", begin, kind="primary")
         advanced = box(row(*self._speeds.values(), seed, None, spacing=2 * theme.GRID))
         advanced.hide()
@@ -74,7 +87,8 @@ class DesignForm(QFrame):
         goal_box = column(self._caption, self._goal, spacing=0)
         buttons = column(None, row(advanced_button, self.button))
         column(
-            row((goal_box, 1), self._margin, self._minutes, search, buttons, spacing=2 * theme.GRID),
+            row((goal_box, 1), self._margin, self._minutes, self._search, buttons, spacing=2 * theme.GRID),
+            self._thermal,
             advanced,
             self._reason,
             on=self,
@@ -91,8 +105,18 @@ class DesignForm(QFrame):
         """Show the name of the product, and limit the speeds to those of the table."""
         self._product = product_text(options.name)
         self._caption.setText(self._goal_text())
+        if options.over_temperature:
+            self._goal.setCurrentIndex(list(_GOALS).index(SHORTEST))
+        self._goal.setEnabled(not options.over_temperature)
+        self._thermal.setVisible(options.over_temperature)
+        self._search.setVisible(not options.over_temperature)
         self._speeds["rate"].spin.setMaximum(options.rate)
         self._speeds["acceleration"].spin.setMaximum(options.acceleration)
+
+    @property
+    def unit(self) -> tuple[float, float]:
+        """Time constant, s, and self-heating, K, of a unit in the chamber."""
+        return self._source.values["time_constant"], self._source.values["self_heating"]
 
     def lock(self, reason: str, *, visible: bool) -> None:
         """Disable the button for the given reason, and show the reason below the form if `visible`; "" enables it."""

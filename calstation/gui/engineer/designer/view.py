@@ -33,8 +33,9 @@ from calstation.messages import Text
 from calstation.results import compute_preview
 
 if TYPE_CHECKING:
-    from calstation.designer import Design
+    from calstation.designer import Design, TemperatureDesign
     from calstation.gui.engineer.designer.result import DesignResult
+    from calstation.gui.engineer.designer.temperature_result import TemperatureDesignResult
 
 # `calstation.designer` is imported where it is used, because it delays the first paint by 0.1 s.
 
@@ -49,8 +50,9 @@ class DesignView(QWidget):
         #: Options and station file of the current search.
         self._searched: tuple[ScheduleOptions, Path | None] | None = None
         #: The latest design with its options.
-        self._result: tuple[Design, ScheduleOptions] | None = None
+        self._result: tuple[Design | TemperatureDesign, ScheduleOptions] | None = None
         self._result_view: DesignResult | None = None
+        self._temperature_view: TemperatureDesignResult | None = None
         self._why_not = self._why_not_save = ""
         self._goal = ""
         self._error: CalstationError | None = None
@@ -89,6 +91,18 @@ class DesignView(QWidget):
                 QWidget.setTabOrder(before, after)
         return self._result_view
 
+    @property
+    def temperature_view(self) -> "TemperatureDesignResult":
+        """The view of the result over temperature, which is created on first use."""
+        if self._temperature_view is None:
+            from calstation.gui.engineer.designer.temperature_result import TemperatureDesignResult
+
+            self._temperature_view = TemperatureDesignResult(self._ask_name)
+            self._stack.addWidget(self._temperature_view)
+            for before, after in pairwise((self.save_bar.last, *self._temperature_view.tab_order)):
+                QWidget.setTabOrder(before, after)
+        return self._temperature_view
+
     def offer(self, options: ScheduleOptions | None) -> None:
         """Set the options of the product and the station for the next search, or None if they are unusable."""
         self._options = options
@@ -119,7 +133,10 @@ class DesignView(QWidget):
         self._folder = tempfile.TemporaryDirectory(prefix="calstation-")
         self._stop_file = Path(self._folder.name) / "stop"
         request = self.form.request(self._app.station_path, self._options.product, self._stop_file)
-        self.watch.start(designer.design_schedule, request)
+        if self._options.over_temperature:
+            self.watch.start(designer.design_temperature, request, *self.form.unit)
+        else:
+            self.watch.start(designer.design_schedule, request)
 
     def _stop(self) -> None:
         self._stop_file.touch()
@@ -145,14 +162,19 @@ class DesignView(QWidget):
             return say("engineer.design_best_ratio", ratio=float(note))
         return say("engineer.design_best_duration", duration=duration_text(float(note)))
 
-    def _designed(self, result: "Design") -> None:
-        """Show a design, and start the job that computes its path."""
+    def _designed(self, result: "Design | TemperatureDesign") -> None:
+        """Show a design, and start the job that computes the path of one at one temperature."""
         from calstation import designer
 
         if self._searched is None:
             return
         options, station = self._searched
         self._result = result, options
+        if isinstance(result, designer.TemperatureDesign):
+            self.temperature_view.show_design(result, options)
+            self._stack.setCurrentWidget(self.temperature_view)
+            self._refresh()
+            return
         self.result_view.show_design(result, options)
         self._stack.setCurrentWidget(self.result_view)
         schedule = {
@@ -178,8 +200,13 @@ class DesignView(QWidget):
     def _save(self, name: str) -> None:
         from calstation import designer
 
-        if self._result is not None:
-            self._saving.start(designer.save_design, self._result[1].product, name, self._result[0], self._author())
+        if self._result is None:
+            return
+        result, options = self._result
+        if isinstance(result, designer.TemperatureDesign):
+            self._saving.start(designer.save_temperature_design, options.product, name, result, self._author())
+        else:
+            self._saving.start(designer.save_design, options.product, name, result, self._author())
 
     def _saved(self, saved: tuple[Path, Version]) -> None:
         path, version = saved
@@ -197,9 +224,12 @@ class DesignView(QWidget):
         busy = self.watch.busy
         self._progress.setVisible(busy)
         enable(self._stop_button, say("engineer.design_stopping") if self._stopping else "")
+        over_temperature = self._searched is not None and self._searched[0].over_temperature
+        self._stop_button.setVisible(not over_temperature)
         self.form.lock(say("engineer.design_running") if busy else self._why_not, visible=not busy)
         show_text(self._problem, "" if busy or self._error is None else say(self._error.as_text))
         why_not_save = say("engineer.saving") if self._saving.busy else self._why_not_save
         self.save_bar.lock(why_not_save)
-        if self._result_view is not None:
-            self._result_view.lock(why_not_save)
+        for view in (self._result_view, self._temperature_view):
+            if view is not None:
+                view.lock(why_not_save)
