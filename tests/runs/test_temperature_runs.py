@@ -18,6 +18,7 @@ from calstation.results import resolve
 from calstation.runs import Engine, execute, find_resumable
 from calstation.sequencer import Command, Control, Event, Finalized, Message, PointCompleted, StepStarted
 from tests.helpers import ignore_progress, raises_code
+from tests.runs.test_batch_runs import batch_of, run_batch
 from tests.site_folder import SiteFolder
 
 MOVES = [
@@ -158,3 +159,22 @@ def _resume(thermal: SiteFolder, log: str) -> None:
     again = resolve(Path(ended.log)).result.to_json()
     assert again["temperature"] == ended.result["temperature"]
     assert find_resumable(ignore_progress, thermal.runs) == []
+
+
+@pytest.mark.long
+def test_units_of_a_batch_are_calibrated_over_temperature_at_once(thermal: SiteFolder) -> None:
+    """The clock of each unit changes with its temperature by 20 ppm within the short range."""
+    station = {"chamber": {"profile": "virtual_chamber"}}
+    thermal.write(PRODUCT, station, thermal={**THERMAL, "clock_ppm": 400.0}, units=4)
+    serials = tuple(f"SN-{number:06d}" for number in range(1, 5))
+    verdicts = run_batch(thermal, batch_of(thermal, serials=serials))
+    assert list(verdicts) == ["1", "2", "3", "4"]
+    for ended in verdicts.values():
+        assert ended.verdict.passed, [c for c in ended.result["checks"] if not c["passed"]]
+        assert ended.result["registers"]["verified"] is True
+        assert len(ended.result["temperature"]["points"]) == 3
+    biases = {
+        tuple(ended.result["temperature"]["coefficients"]["gyro_bias_x"]["values"]) for ended in verdicts.values()
+    }
+    assert len(biases) == 4
+    assert [m.id for m in thermal.events_of(Message)][-1] == "chamber_may_be_opened"
