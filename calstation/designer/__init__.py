@@ -5,6 +5,7 @@ It computes the sigmas with the plan and the filter of a run, and does not drive
 
 from calstation.designer.design import STAGE, Design, DesignRequest, Variation, designed_product, save_design
 from calstation.designer.designer import design_schedule
+from calstation.designer.prediction import Prediction
 from calstation.designer.soaking import measured_thermal
 from calstation.designer.stages import ShorterStages, shorten_stages, shorter_product
 from calstation.designer.temperature import (

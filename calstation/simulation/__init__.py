@@ -6,7 +6,7 @@ Production packages do not import this package; they load it by name for a stati
 from calstation.simulation.bench_recordings import GradeName, Kind, make_recording, record_on_bench, recordings_folder
 from calstation.simulation.bench_settings import bench_config
 from calstation.simulation.hooks import BenchHooks
-from calstation.simulation.method_study import run_method_study
+from calstation.simulation.method_study import grades_of, run_method_study
 from calstation.simulation.simulated_log import simulate_log
 from calstation.simulation.soak_judge import RunEvaluation, judge_run
 from calstation.simulation.soak_plan import STAGES as SHORT_STAGES

@@ -11,14 +11,17 @@ from calstation.physics import FloatArray, IntArray, Ramp, Soak, Step
 
 #: Time between two temperatures of a track, s, and largest difference of the air from the set point of a soak, K.
 _INTERVAL, _TOLERANCE = 1.0, 1.0
-#: Standard deviation of the noise of the unit's sensor, and its resolution, K.
-_NOISE, _RESOLUTION = 0.0, 0.01
+#: Resolution of the unit's sensor, K, and number of parts of the time of a soak after which parameters are computed.
+_RESOLUTION, _SPARSE = 0.01, 8
 
 
 class ChamberSimulator(Simulator):
-    """Simulates a stage `temperature`; `thermal` contains the true temperatures and parameters of the unit."""
+    """Simulates a stage `temperature`; `thermal` contains the true temperatures and parameters of the unit.
 
-    def __init__(self, truth: BenchTruth, config: BenchConfig, seed: int) -> None:
+    Without `counts`, it produces no output of the unit, but the course of its true parameters.
+    """
+
+    def __init__(self, truth: BenchTruth, config: BenchConfig, seed: int, *, counts: bool = True) -> None:
         thermal = config.unit_thermal()
         if thermal is None or config.chamber is None:
             raise ValueError("a bench without a chamber")
@@ -26,16 +29,34 @@ class ChamberSimulator(Simulator):
         self._chamber = ChamberMachine(config.chamber)
         self._chamber.start()
         self._target, self._rate = self._chamber.set_point, 0.0
+        self._counts, self._base, self._is_soaking = counts, truth.imu.parameters, False
         self._sensed: list[float] = []  #: Temperatures of the unit's sensor, one per `GRID`.
+        self.parameters_of_cells: list[FloatArray] = []  #: True parameters, one per `GRID`, without `counts`.
         super().__init__(truth, seed, thermal=thermal, air=self._air)
+
+    @property
+    def set_point(self) -> float:
+        """Present set point of the chamber, °C."""
+        return self._chamber.set_point
 
     def _air(self) -> float:
         """Advance the chamber by a cell of the grid, and return the temperature of its air, °C."""
         chamber, change = self._chamber, self._rate * GRID
         chamber.set_point += float(np.clip(self._target - chamber.set_point, -change, change))
         chamber.advance(len(self._sensed) * GRID)
+        if not self._counts:
+            is_due = not (self._is_soaking and len(self._sensed) % _SPARSE)
+            latest = self.thermal.parameters(self._base) if is_due else self.parameters_of_cells[-1]
+            self.parameters_of_cells.append(latest)
         self._sensed.append(round(self.thermal.places[0] / _RESOLUTION) * _RESOLUTION)
         return chamber.truth.air
+
+    def _produce(self, duration: float) -> Samples:
+        if self._counts:
+            return super()._produce(duration)
+        count = int(np.ceil(duration / self._stream.interval - 1e-9))
+        self._stream.skip(count, *self._drive.profiles)
+        return np.zeros((count, 6)), np.full((count, 2), np.nan), np.full(count, self._step, np.int64)
 
     def _further(self, step: Step) -> Iterator[Samples]:
         if isinstance(step, Ramp):
@@ -43,6 +64,7 @@ class ChamberSimulator(Simulator):
         elif isinstance(step, Soak):
             self._target = self._chamber.set_point = step.temperature
             begin, arrived = self.time, np.inf
+            self._is_soaking = True
             while self.time - begin < step.timeout:
                 yield self._produce(_INTERVAL)
                 if abs(self._chamber.temperature - self._target) > _TOLERANCE:
@@ -50,7 +72,8 @@ class ChamberSimulator(Simulator):
                 else:
                     arrived = min(arrived, self.time)
                 if self.time - arrived >= step.hold and abs(self._slope(step.hold)) <= step.slope:
-                    return
+                    break
+            self._is_soaking = False
 
     def _slope(self, period: float) -> float:
         """Return the rate of the unit's sensor over the last period, K/min."""

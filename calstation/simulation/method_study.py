@@ -1,9 +1,9 @@
-"""Monte Carlo study of the methods without a table: simulated recordings are solved and compared with the truth."""
+"""Monte Carlo study of single methods: simulated recordings are solved and compared with the truth."""
 
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -12,9 +12,15 @@ from calstation.physics import INDEX, PARAMETERS, further_parameter
 from calstation.results import resolve
 from calstation.simulation.bench_recordings import GradeName, Kind, make_recording
 from calstation.simulation.study_table import chi_squared_band
+from calstation.simulation.temperature_study import OVER_TEMPERATURE, study_temperature
 
 #: Kind of recording for each method.
 RECORDING_KINDS: dict[str, Kind] = {"multi_position": "hand", "cross_calibration": "pair", "gimbal": "gimbal"}
+
+
+def grades_of(stage: str) -> tuple[GradeName, ...]:
+    """Return the grades of the units that a study of a method simulates by default."""
+    return tuple(OVER_TEMPERATURE.get(stage, get_args(GradeName)))
 
 
 def run_method_study(
@@ -33,8 +39,10 @@ def run_method_study(
     seeds : number of units
     progress : function that is called with the number of finished units and the number of all units
     """
+    if stage in OVER_TEMPERATURE:
+        return study_temperature(stage, grade, seeds, progress)
     if stage not in RECORDING_KINDS:
-        raise ConfigurationError("study.unknown_method", method=stage, methods=list(RECORDING_KINDS))
+        raise ConfigurationError("study.unknown_method", method=stage, methods=[*RECORDING_KINDS, *OVER_TEMPERATURE])
     errors: dict[str, list[list[float]]] = {}
     sigmas: dict[str, list[float]] = {}
     nis: list[float] = []

@@ -1,6 +1,6 @@
 """Measurements of the unit, from the true motion with the contract's error model, noise and quantisation."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -362,26 +362,42 @@ class SensorStream:
         """Return the next `count` samples while the joints follow these profiles."""
         if self._thermal is None or count == 0:
             return self._produce(count, outer, inner)
+        parts, cell = [], -1
+        for taken in self._cells(self._thermal, count, outer, inner):
+            if cell != self._cell:
+                cell = self._cell
+                parameters = self._thermal.parameters(self._imu.parameters)
+                self._model = replace(self._imu, parameters=parameters).error_model()
+            parts.append(self._produce(taken, outer, inner))
+        return StreamOutput(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("counts", "saturated")))
+
+    def skip(self, count: int, outer: JointProfile, inner: JointProfile) -> None:
+        """Let the time of the next `count` samples pass without them; only the temperatures change."""
+        thermal = self._thermal
+        if thermal is not None and count:
+            for taken in self._cells(thermal, count, outer, inner):
+                self.produced += taken
+            self._model = replace(self._imu, parameters=thermal.parameters(self._imu.parameters)).error_model()
+
+    def _cells(self, thermal: UnitThermal, count: int, outer: JointProfile, inner: JointProfile) -> Iterator[int]:
+        """Advance the temperatures, and yield the numbers of samples of each part of the time between two changes."""
         cell_size = max(1, round(GRID / self.interval))
-        parts = []
         while count > 0:
             cell, used = divmod(self.produced, cell_size)
             if cell != self._cell:
                 self._cell = cell
-                self._enter_cell(self._thermal, outer, inner)
+                self._advance(thermal, outer, inner)
             taken = min(count, cell_size - used)
-            parts.append(self._produce(taken, outer, inner))
+            yield taken
             count -= taken
-        return StreamOutput(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("counts", "saturated")))
 
-    def _enter_cell(self, thermal: UnitThermal, outer: JointProfile, inner: JointProfile) -> None:
+    def _advance(self, thermal: UnitThermal, outer: JointProfile, inner: JointProfile) -> None:
         """Advance the temperatures to the next part of the time, in which the parameters are constant."""
         now = np.array([self.produced * self._table_interval + self.begin])
         outer_angle, inner_angle = (float(joint.states(now)[0, 0]) for joint in (outer, inner))
         force = self._field[0]
         up = force / np.linalg.norm(force)
         thermal.step(self._air(), to_body(self._chain, outer_angle, inner_angle, up))
-        self._model = replace(self._imu, parameters=thermal.parameters(self._imu.parameters)).error_model()
 
     def _produce(self, count: int, outer: JointProfile, inner: JointProfile) -> StreamOutput:
         normals = self._random.standard_normal((count, self._columns))

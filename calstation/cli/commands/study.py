@@ -12,10 +12,13 @@ from calstation.cli.show import emit_json, interval, new_table, plain_console
 from calstation.cli.text import say
 from calstation.errors import ConfigurationError
 from calstation.physics import DISPLAY
-from calstation.simulation import SEEDS, GradeName, run_method_study, run_study
+from calstation.simulation import SEEDS, GradeName, grades_of, run_method_study, run_study
 
 #: Default number of units per grade in the study of a method.
 _METHOD_SEEDS = 30
+
+#: Statistics that a study over temperature adds.
+_OVER_TEMPERATURE = ("held_out", "minutes", "worst_sigma_over_limit", "within_limits", "tested")
 
 app = command_group()
 
@@ -47,7 +50,7 @@ def study(
 
 
 def _study_method(method: str, grade: str | None, seeds: int | None, json: str | None) -> int:
-    grades = get_args(GradeName) if grade is None else (grade,)
+    grades = grades_of(method) if grade is None else (grade,)
     with _units_bar() as bar:
         rows = [
             run_method_study(method, cast(GradeName, each), seeds or _METHOD_SEEDS, _follow(bar, each))
@@ -58,7 +61,11 @@ def _study_method(method: str, grade: str | None, seeds: int | None, json: str |
     if json != "-":
         for row in rows:
             values = {name: row[name] for name in ("method", "grade", "units", "consistency")}
-            _show_groups(plain_console(file=sys.stdout), say("cli.method_study_title", **values), row)
+            console = plain_console(file=sys.stdout)
+            _show_groups(console, say("cli.method_study_title", **values), row)
+            if "minutes" in row:
+                text = say("cli.temperature_study", **{name: row[name] for name in _OVER_TEMPERATURE}, **row["nees"])
+                console.print(text)
     return 0 if passed else 1
 
 

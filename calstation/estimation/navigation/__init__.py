@@ -12,5 +12,5 @@ from calstation.estimation.navigation.navigation_pass import ClosedLoopFilter, N
 from calstation.estimation.navigation.relinearise import solve_navigation
 from calstation.estimation.navigation.response import result_sensitivity
 from calstation.estimation.navigation.stage import NavigationStage, warm_up
-from calstation.estimation.navigation.temperature_stage import TemperatureStage
+from calstation.estimation.navigation.temperature_stage import TemperatureStage, temperature_parts
 from calstation.estimation.navigation.velocity_group import BIAS

@@ -42,13 +42,14 @@ from calstation.estimation.temperature import (
     polynomials,
     reduced,
     with_orders,
+    with_ways,
 )
 from calstation.physics import COUNT, GROUPS, FloatArray, group_indices
 
 #: End of a soak that is solved with the moves after it, s.
 _BEFORE = 20.0
 #: Largest number of solutions of all temperatures, and largest change of a coefficient that ends them, in sigmas.
-_MAX_PASSES, _CONVERGED = 4, 0.02
+_MAX_PASSES, _CONVERGED = 6, 0.02
 #: Number of fits in which the lags are corrected, and of temperatures that are averaged.
 _LAG_PASSES, _MEAN_OF = 2, 201
 #: Largest distance of an end of the range from the lowest or highest temperature of the fitted samples, K: a unit in a
@@ -160,7 +161,7 @@ class TemperatureStage(StageSolver):
         keep_orders : whether the orders of `before` are kept
         """
         points = [part.point(s.posterior, self.prior) for part, s in zip(parts, solutions, strict=True)]
-        points = held_out_points(_ways(points), self._model.held_out)
+        points = held_out_points(with_ways(points), self._model.held_out)
         fit, automatic = before, self._model.is_automatic and not keep_orders
         for _ in range(_LAG_PASSES):
             lags = NO_LAGS if fit is None else fit.lags
@@ -274,14 +275,6 @@ def _cycles(bounds: Sequence[int], moves: int) -> list[tuple[int, int]]:
     ends = range(0, len(bounds) - 1, moves)
     cycles = [bounds[k : k + moves + 1] for k in ends]
     return [(int(cycle[0]), int(cycle[-1])) for cycle in cycles if len(cycle) > 3]
-
-
-def _ways(points: Sequence[TemperaturePoint]) -> list[TemperaturePoint]:
-    """Return the points with the change of the temperature towards them."""
-    rows = list(points[:1])
-    for before, point in itertools.pairwise(points):
-        rows.append(replace(point, way="up" if point.temperature > before.temperature else "down"))
-    return rows
 
 
 def _instability(imu: ImuModel) -> FloatArray:

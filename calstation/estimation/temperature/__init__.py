@@ -19,5 +19,6 @@ from calstation.estimation.temperature.points import (
     different_temperatures,
     held_out_points,
     nearest_temperature,
+    with_ways,
 )
 from calstation.estimation.temperature.reduction import compensate_each, corrected, parameters_at, reduced

@@ -1,5 +1,6 @@
 """Solutions of the samples at several temperatures."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -83,3 +84,11 @@ def held_out_points(points: Sequence[TemperaturePoint], temperatures: Sequence[f
     """Return the points, those at the temperature nearest to a held-out one marked, however often it was visited."""
     chosen = [nearest_temperature(points, t) for t in temperatures]
     return [replace(p, is_held_out=any(abs(p.temperature - t) <= _SAME for t in chosen)) for p in points]
+
+
+def with_ways(points: Sequence[TemperaturePoint]) -> list[TemperaturePoint]:
+    """Return the points with the change of the temperature towards them."""
+    rows = list(points[:1])
+    for before, point in itertools.pairwise(points):
+        rows.append(replace(point, way="up" if point.temperature > before.temperature else "down"))
+    return rows
