@@ -32,10 +32,12 @@ docs: $(VENV)/installed-dev
 benchmarks: $(VENV)/installed-dev
 	$(VENV)/bin/python -m pytest tests/benchmarks --benchmark-enable --benchmark-only
 
-# Without the window, and without the scheduler of the interleavings, which replaces the tracer.
+# Without the window, and without the scheduler of the interleavings, which replaces the tracer. A test that is too slow
+# while it is measured does not matter here.
 coverage: $(VENV)/installed-dev
 	rm -rf build/coverage && mkdir -p build/coverage
-	$(VENV)/bin/python -m coverage run -m pytest -n 2 --dist worksteal --ignore=tests/gui --ignore=tests/interleaving tests
+	-$(VENV)/bin/python -m coverage run -m pytest -m "not exhaustive" -n 2 --dist worksteal \
+		--ignore=tests/gui --ignore=tests/interleaving tests
 	$(VENV)/bin/python -m coverage combine --quiet
 	$(VENV)/bin/python -m coverage json --quiet -o build/coverage/report.json
 	$(VENV)/bin/python tests/branches.py build/coverage/report.json
