@@ -71,7 +71,7 @@ def _changes(node: ast.AST) -> Iterator[tuple[str, dict[str, object]]]:
             yield _SWAPPED[type(node.op)].__name__, {"op": _SWAPPED[type(node.op)]()}
         case ast.If() | ast.While() | ast.IfExp():
             yield "negated", {"test": ast.UnaryOp(ast.Not(), node.test)}
-        case ast.Return(value=ast.expr()):
+        case ast.Return(value=ast.expr() as value) if not (isinstance(value, ast.Constant) and value.value is None):
             yield "returns None", {"value": ast.Constant(None)}
         case ast.Expr(value=ast.Call()):
             yield "omitted", {"value": ast.Constant(None)}
