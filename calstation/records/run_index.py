@@ -5,7 +5,7 @@ import secrets
 import sqlite3
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -403,7 +403,9 @@ class RunIndex:
 
     def _act(self, action: Callable[[sa.Connection], T]) -> T:
         """Execute `action`, and notice if another process has replaced the file since it was last used."""
-        opened = self._engine.connect() if self._open is None else nullcontext(self._open)
+        opened: AbstractContextManager[sa.Connection] = (
+            nullcontext(self._open) if self._open else self._engine.connect()
+        )
         with opened as connection, connection.begin():
             result = action(connection)
             file_id = connection.exec_driver_sql("PRAGMA application_id").scalar_one()
