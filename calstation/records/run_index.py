@@ -238,9 +238,9 @@ class RunIndex:
 
     def find(self, conditions: RunFilter, limit: int | None = None) -> list[IndexedRun]:
         """Find at most `limit` runs that meet all conditions, the latest first."""
-        order = _latest_first
-        rows = sa.select(_rowid).select_from(_runs).where(*_conditions(conditions)).order_by(*order).limit(limit)
-        return self._select_runs(sa.select(_runs).where(_rowid.in_(rows)).order_by(*order))
+        rows = sa.select(_rowid).select_from(_runs).where(*_conditions(conditions))
+        part = _rowid.in_(rows.order_by(*_latest_first).limit(limit))
+        return self._select_runs(sa.select(_runs).where(part).order_by(*_latest_first))
 
     def records(self, conditions: RunFilter, limit: int | None, offset: int, order: RunOrder) -> list[RunRecord]:
         """Return at most `limit` runs that meet all conditions without their values, in this order from `offset`."""
@@ -403,10 +403,8 @@ class RunIndex:
 
     def _act(self, action: Callable[[sa.Connection], T]) -> T:
         """Execute `action`, and notice if another process has replaced the file since it was last used."""
-        opened: AbstractContextManager[sa.Connection] = (
-            nullcontext(self._open) if self._open else self._engine.connect()
-        )
-        with opened as connection, connection.begin():
+        file: AbstractContextManager[sa.Connection] = nullcontext(self._open) if self._open else self._engine.connect()
+        with file as connection, connection.begin():
             result = action(connection)
             file_id = connection.exec_driver_sql("PRAGMA application_id").scalar_one()
         self.may_lack_runs = self.may_lack_runs or self._file_id not in (None, file_id)
