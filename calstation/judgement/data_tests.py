@@ -223,7 +223,9 @@ def _missing_samples(counts: FloatArray, noise: FloatArray, step: FloatArray, wi
         smallest, spacing = min(noise[i], measured), max(step[i], finest[i])
         if not smallest > 0.0:
             continue
-        bin_width = spacing * max(1, round(smallest / spacing))
+        bin_width = smallest
+        if smallest < 2.0**53 * spacing:
+            bin_width = spacing * max(1, round(smallest / spacing))
         edges = np.array([highest_value, -lowest]) + 0.5 * spacing - bin_width
         highest = _count_beyond(counts, i, edges, low, high, width)
         next_bin = _count_beyond(counts, i, edges - bin_width, low, high, width) - highest

@@ -9,7 +9,13 @@ from calstation.bench.chamber import ChamberMachine, ChamberSettings
 from calstation.bench.truth import GRADES, GRID, ThermalSettings, UnitThermal
 from calstation.estimation.common import ImuModel, Posterior, RestResiduals, SampleBlock
 from calstation.judgement import DataTests
-from calstation.judgement.data_tests import MISSING_SAMPLES, clipping_test, sample_clocks, temperature_coefficients
+from calstation.judgement.data_tests import (
+    MISSING_SAMPLES,
+    _missing_samples,
+    clipping_test,
+    sample_clocks,
+    temperature_coefficients,
+)
 from calstation.records import context_from_meta
 from tests.thermal_results import thermal_meta
 
@@ -184,3 +190,10 @@ def test_temperature_coefficients_are_estimated_from_the_rests():
             row = test_result[f"{name}_{axis}"]
             assert row["value"] == pytest.approx(value, abs=4.0 * row["sigma"])
             assert row["sigma"] < abs(value)
+
+
+@pytest.mark.filterwarnings("error")
+def test_values_that_differ_by_almost_nothing_are_no_error():
+    counts = np.random.default_rng(1).normal(size=(4000, 6))
+    counts[100], counts[101] = 0.0, 1e-310
+    assert np.isfinite(_missing_samples(counts, np.ones(6), np.zeros(6), 100)).all()
