@@ -7,7 +7,7 @@ import pytest
 from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QLabel, QLineEdit
 
 from calstation.config import library
-from calstation.designer import DesignRequest, TemperatureDesign, design_temperature
+from calstation.designer import TIME_CONSTANT, DesignRequest, TemperatureDesign, design_temperature
 from calstation.jobs import ProgressCallback
 from tests.gui.conftest import SiteFolder
 from tests.gui.test_design_view import DESIGN_VIEW, Designer
@@ -31,6 +31,7 @@ def test_design_over_temperature_is_shown_and_saved(
     designer.open_page()
     designer.show_view(DESIGN_VIEW)
     assert not designer.widget("design_goal_combo", QComboBox).isEnabled()
+    assert designer.widget("design_time_constant_spin", QDoubleSpinBox).value() == TIME_CONSTANT
     designer.widget("design_time_constant_spin", QDoubleSpinBox).setValue(270.0)
     designer.widget("design_self_heating_spin", QDoubleSpinBox).setValue(4.0)
     designer.design()
