@@ -230,7 +230,7 @@ class TemperatureResult(ResultSection):
             lag_s={
                 element: LagResult(value=float(lag), sigma=float(uncertainty))
                 for element, lag, uncertainty in zip(ELEMENTS, fit.lags, fit.lag_sigmas, strict=True)
-                if uncertainty < OBSERVABLE * LAG_SIGMA
+                if 0.0 < uncertainty < OBSERVABLE * LAG_SIGMA
             },
             points=[TemperaturePointResult.of(fit, point, estimated) for point in fit.points],
         )

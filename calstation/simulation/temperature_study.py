@@ -130,7 +130,7 @@ def _setting(stage: str, grade: GradeName) -> _Setting:
     cycle = steps[1 : 1 + 2 * len(values["moves"])]
     prediction = Prediction(setup.log_meta(), model, cycle, setup.table.settle_s)
     posterior = prediction.posterior(1, after_soak=not is_ramp)
-    model = replace(model, rate_term=RATE_TERM if is_ramp else model.rate_term)
+    model = replace(model, rate_term=RATE_TERM if is_ramp else model.rate_term, has_lag=is_ramp)
     return _Setting(setup, model, schedule, prior_from_meta(setup.log_meta()), posterior, is_ramp)
 
 

@@ -19,6 +19,7 @@ from calstation.physics import COUNT, GROUPS, INDEX, NAMES, PARAMETERS, group_in
 PRIOR = Posterior(np.zeros(COUNT), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
 ORDER = {"gyro_bias": 3, "gyro_scale": 2, "accel_bias": 2, "accel_scale": 1}
 MODEL = TemperatureModel(25.0, (-40.0, 85.0), ORDER)
+RAMP = replace(MODEL, has_lag=True)
 TEMPERATURES = (25.0, -40.0, -10.0, 25.0, 55.0, 85.0, 25.0)
 
 
@@ -166,8 +167,8 @@ def test_lags_of_gyros_and_accelerometers_are_estimated_from_a_ramp() -> None:
         assumed, points = np.zeros(2), measured(rng, truth, temperatures)
         for _ in range(3):
             points = [replace(p, rate=rates[k], elements=at(k, assumed)) for k, p in enumerate(points)]
-            used, assumed = assumed, polynomials_of(MODEL, points, PRIOR, assumed).lags
-        fit = fit_temperature(MODEL, points, PRIOR, used)
+            used, assumed = assumed, polynomials_of(RAMP, points, PRIOR, assumed).lags
+        fit = fit_temperature(RAMP, points, PRIOR, used)
         assert fit.test.passed
         assert (fit.lag_sigmas < 3.0).all()
         errors += [(fit.lags - lags) / fit.lag_sigmas, (fit.at(70.0).mean - MODEL.basis(70.0) @ scaled)]

@@ -30,6 +30,7 @@ class TemperatureModel:
     rate_term: frozenset[str] = frozenset()  #: Groups with a term in the rate of change.
     held_out: tuple[float, ...] = ()  #: Temperatures that are measured and compared, but not fitted.
     is_automatic: bool = False  #: Whether the data determine the orders of the groups without one.
+    has_lag: bool = False  #: Whether gyros and accelerometers lag behind the temperature sensor.
 
     @cached_property
     def columns(self) -> tuple[Column, ...]:

@@ -101,6 +101,9 @@ class TemperatureStage(StageSolver):
         if np.isnan(block.temperature).all():
             raise InputError("temperature.no_column")
         bounds = temperature_parts(block, self._soak, self._moves, is_ramp=self._is_ramp)
+        # cycles of a ramp follow each other, and soaks separate other temperatures, at which no element lags
+        is_ramp = any(a[1] == b[0] for a, b in itertools.pairwise(bounds))
+        self._model = replace(self._model, has_lag=is_ramp)
         parts = [_Part(block.part(*at), self.context, block.time[0]) for at in bounds]
         if len(parts) < 2:
             raise InsufficientDataError("temperature.one_temperature")
@@ -162,15 +165,15 @@ class TemperatureStage(StageSolver):
         """
         points = [part.point(s.posterior, self.prior) for part, s in zip(parts, solutions, strict=True)]
         points = held_out_points(with_ways(points), self._model.held_out)
-        fit, automatic = before, self._model.is_automatic and not keep_orders
+        automatic = self._model.is_automatic and not keep_orders
+        model, lags = (self._model, NO_LAGS) if before is None else (before.model, before.lags)
         for _ in range(_LAG_PASSES):
-            lags = NO_LAGS if fit is None else fit.lags
-            elements = element_temperatures(block, lags)
+            elements, used = element_temperatures(block, lags), lags
             points = [replace(p, elements=part.means(elements)) for p, part in zip(points, parts, strict=True)]
-            model = self._model if fit is None or automatic else fit.model
             model = with_orders(self._model, points, self.prior) if automatic else model
-            fit = polynomials(model, points, self.prior, lags)
-        return fit, points, lags
+            fit = polynomials(model, points, self.prior, used)
+            lags = fit.lags
+        return fit, points, used
 
     def _solution(self, fit: TemperatureFit, solutions: Sequence[Solution], block: SampleBlock) -> Solution:
         """Return the solution with the parameters at the reference temperature."""

@@ -74,7 +74,7 @@ def coefficients_before(model: TemperatureModel, prior: Posterior) -> Unknowns:
 
 def unknowns_before(model: TemperatureModel, prior: Posterior, lags: FloatArray) -> Unknowns:
     """Return the coefficients and the corrections of assumed lags, s, shape (2,), before the fit."""
-    return coefficients_before(model, prior).with_further(-lags, np.full(len(lags), LAG_SIGMA))
+    return coefficients_before(model, prior).with_further(-lags, np.full(len(lags), LAG_SIGMA * model.has_lag))
 
 
 def equations_of(model: TemperatureModel, points: Sequence[TemperaturePoint], prior: Posterior) -> Equations:

@@ -269,7 +269,7 @@ def with_orders(model: TemperatureModel, points: Sequence[TemperaturePoint], pri
     highest = min(different_temperatures(fitted) - 1, _HIGHEST)
     free = [g for g in GROUPS if not (g in model.order or g.endswith("_lever")) and prior.sigma[group_indices(g)].any()]
     equations = equations_of(model, points, prior)
-    projector = _Projector(equations.jacobian)
+    projector = _Projector(equations.jacobian[:, unknowns_before(model, prior, NO_LAGS).sigma > 0.0])
     while True:
         gains, added = dict[str, float](), dict[str, FloatArray]()
         for group in free:
