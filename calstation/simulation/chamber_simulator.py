@@ -48,7 +48,7 @@ class ChamberSimulator(Simulator):
             is_due = not (self._is_soaking and len(self._sensed) % _SPARSE)
             latest = self.thermal.parameters(self._base) if is_due else self.parameters_of_cells[-1]
             self.parameters_of_cells.append(latest)
-        self._sensed.append(round(self.thermal.places[0] / _RESOLUTION) * _RESOLUTION)
+        self._sensed.append(round(self.thermal.temperatures[0] / _RESOLUTION) * _RESOLUTION)
         return chamber.truth.air
 
     def _produce(self, duration: float) -> Samples:

@@ -107,10 +107,10 @@ class ThermalSimulator(Simulator):
         """Go to a temperature until that of the unit changes by less than `rate`, K/min, without samples."""
         self.chamber.set_point = target
         for _ in range(round(LONGEST / hold)):
-            before, has_arrived = self.thermal.places[0], abs(self.chamber.temperature - target) <= ARRIVED
+            before, has_arrived = self.thermal.temperatures[0], abs(self.chamber.temperature - target) <= ARRIVED
             for _ in range(round(hold / GRID)):
                 self.thermal.step(self._measured_air(), np.array([0.0, 0.0, 1.0]))
-            if has_arrived and abs(self.thermal.places[0] - before) < rate * hold / 60.0:
+            if has_arrived and abs(self.thermal.temperatures[0] - before) < rate * hold / 60.0:
                 return
 
     def temperatures(self, seq: FloatArray) -> tuple[FloatArray, FloatArray]:

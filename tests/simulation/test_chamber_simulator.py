@@ -40,7 +40,7 @@ def test_temperatures_do_not_depend_on_whether_output_is_simulated() -> None:
     samples, without = full.run(steps, STAGE), course.run(steps, STAGE)
     assert np.array_equal(samples.temperature, without.temperature)
     assert np.array_equal(samples.step, without.step)
-    assert full.thermal.places == course.thermal.places
+    assert full.thermal.temperatures == course.thermal.temperatures
     assert np.array_equal(full.parameters, course.parameters)
     assert samples.temperature[0] == 23.0
     assert 34.0 < samples.temperature[samples.step == 1][-1] < 44.0  # changes by 2 K/min
