@@ -170,6 +170,8 @@ class IssuedCertificate:
     report: IssuedReport
     pdf: IssuedPdf | None
     intact: bool | None = None  #: As `IssuedPdf.intact`; None without a PDF.
+    #: Names of the persons who issued it, confirmed or not by their own PINs, from the report or the audit trail.
+    people: tuple[str, ...] = ()
 
 
 def issued_certificates(
@@ -185,10 +187,28 @@ def issued_certificates(
     issued = [] if result is None else _find_issued(log, certificate_number(result))
     languages: tuple[Language, ...] = (language, "zh_CN" if language == "en" else "en")
     pdfs = find_pdfs(folder, [each.identification for each in issued], languages)
+    names: Mapping[str, str] = {} if config.sign_in is None else config.sign_in.names
+    people = _issuers(names)
     return [
-        IssuedCertificate(each, pdf, None if pdf is None else pdf.intact())
+        IssuedCertificate(
+            each,
+            pdf,
+            None if pdf is None else pdf.intact(),
+            each.authorised or people.get((each.identification, each.content_sha256), ()),
+        )
         for each, pdf in zip(issued, pdfs, strict=True)
     ]
+
+
+def _issuers(names: Mapping[str, str]) -> dict[tuple[object, object], tuple[str, ...]]:
+    """Return who issued the certificates of the site by number and digest; `names` are those of the badges."""
+    people: dict[tuple[object, object], tuple[str, ...]] = {}
+    for event in site_events(site_folder()):
+        badges = filter(None, (event.by, event.confirmed_by))
+        if event.event == "certificate":
+            key = event.values.get("certificate"), event.values.get("content_sha256")
+            people[key] = tuple(names.get(badge, badge) for badge in badges)
+    return people
 
 
 def issue_certificate(report: ProgressCallback, request: ReportRequest) -> Path:

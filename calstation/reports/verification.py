@@ -83,7 +83,7 @@ def read_verified_trail(report: ProgressCallback, station: Path | None) -> SiteT
     with suppress(ConfigurationError):
         path, config = load_station(station)
         folder = report_folder(path, config.report)
-    issued = list(_issued_files(folder))
+    issued, successors = list(_issued_files(folder)), _successors()
     intact, missing, changed = 0, [], []
     for number, (certificate, name, digests, folders) in enumerate(issued, 1):
         file = next((each / name for each in folders if (each / name).is_file()), None)
@@ -92,7 +92,9 @@ def read_verified_trail(report: ProgressCallback, station: Path | None) -> SiteT
         elif _digest_of(file) in digests:
             intact += 1
         else:
-            changed.append(Text.of("audit.file_changed", file=file, certificate=certificate))
+            successor = successors.get(certificate, certificate)
+            code = "audit.file_changed" if successor == certificate else "audit.replaced_file_changed"
+            changed.append(Text.of(code, file=file, certificate=certificate, successor=successor))
         report(number / len(issued))
     report(1.0)
     found = [*changed]
@@ -102,6 +104,16 @@ def read_verified_trail(report: ProgressCallback, station: Path | None) -> SiteT
         names = [*missing[:_MAX_NAMES], *(["…"] if len(missing) > _MAX_NAMES else [])]
         found.append(Text.of("audit.files_missing", count=len(missing), names=names))
     return replace(site, state=(*site.state, *found), intact=site.intact and not changed)
+
+
+def _successors() -> dict[str, str]:
+    """Return the last certificate with the same number for every certificate of the site."""
+    numbers, last = {}, {}
+    for values in (each.values for each in site_events(site_folder())):
+        certificate, number = values.get("certificate"), str(values.get("number"))
+        if isinstance(certificate, str) and "number" in values:
+            numbers[certificate], last[number] = number, certificate
+    return {certificate: last[number] for certificate, number in numbers.items()}
 
 
 def _issued_files(folder: Path | None) -> Iterator[tuple[str, str, set[object], list[Path]]]:

@@ -173,6 +173,40 @@ def test_files_of_certificates_are_compared_with_the_trail(
     language.use("en")
 
 
+@pytest.mark.parametrize(
+    ("code", "sentence"),
+    [("en", "which N-1-R1 has replaced: it was changed. Restore it"), ("zh_CN", "该证书已被 N-1-R1 替换")],
+)
+def test_changed_file_of_a_replaced_certificate_is_not_to_be_printed_again(
+    page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot, code: str, sentence: str
+) -> None:
+    runs = page.app.runs_folder.absolute()
+    folder = runs.parent / "certificates"
+    folder.mkdir(exist_ok=True)
+    for name in ("N-1", "N-1-R1"):
+        (folder / f"{name}.pdf").write_bytes(b"" if name == "N-1" else b"issued")
+        files = {f"{name}.pdf": hashlib.sha256(b"issued").hexdigest()}
+        values = {"certificate": name, "number": "N-1", "files": files, "reports": {"folder": str(runs)}}
+        append_audit(site_folder.home, "certificate", "Li Na", **values)
+    language.use(code)
+    open_trail(page, qtbot)
+    qtbot.mouseClick(button(page, "audit_verify_button"), Qt.MouseButton.LeftButton)
+    state = page.audit.findChild(QLabel, "audit_state_label")
+    qtbot.waitUntil(lambda: sentence in state.text().replace("\n", " "), timeout=WAIT)
+    assert "rint the certificate again" not in state.text()
+    language.use("en")
+
+
+def test_notice_about_a_run_does_not_stay_above_the_audit_trail(
+    page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot
+) -> None:
+    page.show()
+    page.notice.inform("bad", "operator.no_certificate", "", page.setFocus)
+    assert page.notice.isVisible()
+    open_trail(page, qtbot)
+    assert not page.notice.isVisible()
+
+
 @pytest.mark.parametrize("suffix", ["csv", "json"])
 def test_listed_events_are_exported(
     page: HistoryPage, trail: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, suffix: str

@@ -13,8 +13,9 @@ from pytestqt.qtbot import QtBot
 from calstation.gui.history import HistoryPage
 from calstation.gui.history.record_view import _state
 from calstation.gui.text import event_line
-from calstation.records import IssuedReport, Verdict
+from calstation.records import IssuedReport, Verdict, append_audit
 from calstation.reports import IssuedCertificate, IssuedPdf
+from calstation.reports.issue import _issuers
 from calstation.sequencer import (
     Fault,
     Finalized,
@@ -28,6 +29,7 @@ from calstation.sequencer import (
 from tests.gui.conftest import RESULT, Operator
 from tests.gui.test_history_page import WAIT, button, folder, listed_runs, page, runs, select_row, visible_texts
 from tests.gui.test_operator_events import simulated_run
+from tests.site_folder import SiteFolder
 
 __all__ = ["folder", "page", "runs", "simulated_run"]  # fixtures
 
@@ -141,12 +143,14 @@ def test_certificates_are_listed_with_their_run_and_opened(
     listed_runs(page, qtbot)
     press_record(page, qtbot)
     first, second = (
-        IssuedReport("N-1", revision, "2026-11-20", reason, "0" * 64, "0.1", None, ("Li Na",))
+        IssuedReport("N-1", revision, "2026-11-20", reason, "0" * 64, "0.1")
         for revision, reason in ((0, None), (1, "address of the customer"))
     )
     pdf = tmp_path / "N-1-R1.pdf"
     issued = IssuedPdf(pdf, frozenset({hashlib.sha256(b"issued").hexdigest()}))
-    page.record._show_certificates([IssuedCertificate(first, None), IssuedCertificate(second, issued, intact=True)])
+    people = ("Li Na",)
+    certificates = IssuedCertificate(first, None, people=people), IssuedCertificate(second, issued, True, people)
+    page.record._show_certificates([*certificates])
     table, note = page.findChild(QTableView, "certificates_table"), page.findChild(QLabel, "certificates_note")
     assert not note.isVisible()
     assert page.record._run is not None
@@ -158,9 +162,11 @@ def test_certificates_are_listed_with_their_run_and_opened(
     page.record._show_texts()
     table.selectRow(1)
     model = table.model()
-    cells = [[str(model.index(row, column).data()) for column in range(5)] for row in range(2)]
-    assert cells[0] == ["N-1", "2026-11-20", "replaced", "Li Na", "–"] or cells[0][4] == ""
-    assert cells[1] == ["N-1-R1", "2026-11-20", "valid", "Li Na", "address of the customer"]
+    cells = [[str(model.index(row, column).data()) for column in range(4)] for row in range(2)]
+    assert cells == [["N-1", "2026-11-20", "replaced", "Li Na"], ["N-1-R1", "2026-11-20", "valid", "Li Na"]]
+    assert table.textElideMode() == Qt.TextElideMode.ElideMiddle, "a narrow column shows the revision"
+    reason = page.findChild(QLabel, "certificate_reason_label")
+    assert reason.text() == "N-1-R1, reason for the revision: address of the customer"
     open_button = button(page, "open_certificate_button")
     qtbot.mouseClick(open_button, Qt.MouseButton.LeftButton)
     assert opened == [QUrl.fromLocalFile(str(pdf))]
@@ -174,17 +180,23 @@ def test_certificates_are_listed_with_their_run_and_opened(
     assert "is not the file whose SHA-256 is in the audit trail" in page.record.notice.text_label.text()
     qtbot.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=table.visualRect(model.index(0, 0)).center())
     assert not open_button.isEnabled()
+    assert not reason.isVisible()
     assert "prints the valid one again" in open_button.toolTip()
+
+
+def test_issuers_are_those_of_the_audit_trail(site_folder: SiteFolder) -> None:
+    append_audit(site_folder.home, "certificate", "E-7", certificate="N-1", content_sha256="ab", confirmed_by="Wu Fei")
+    assert _issuers({"E-7": "Qin Q"}) == {("N-1", "ab"): ("Qin Q", "Wu Fei")}
 
 
 @pytest.mark.parametrize(
     ("intact", "exists", "last", "altered", "state"),
     [
         (True, True, True, False, ("good", "history.certificate_valid")),
-        (None, False, True, False, ("good", "history.certificate_valid")),
+        (None, False, True, False, ("caution", "history.certificate_without_file")),
         (None, True, True, False, ("caution", "history.certificate_unverified")),
         (False, True, True, False, ("bad", "history.certificate_changed")),
-        (False, True, False, False, ("bad", "history.certificate_changed")),
+        (False, True, False, False, ("bad", "history.certificate_replaced_changed")),
         (True, True, True, True, ("caution", "history.certificate_result_changed")),
         (None, False, True, True, ("caution", "history.certificate_result_changed")),
         (False, True, True, True, ("bad", "history.certificate_changed")),

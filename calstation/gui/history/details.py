@@ -291,7 +291,8 @@ class RunDetails(QFrame):
         """Return the reason for the outcome of a run, and whether it can be resumed."""
         result = self._result
         if run.altered:
-            code = "history.unconfirmed" if run.unconfirmed else "history.altered"
+            altered = "history.altered" if run.log.exists() else "history.altered_without_log"
+            code = "history.unconfirmed" if run.unconfirmed else altered
             return say(code, file=run.result, outcome=term("badge", run.verdict))
         if run.verdict is Verdict.FAULT and run.error:
             fault = None if result is None else result.fault
@@ -350,6 +351,14 @@ class RunDetails(QFrame):
             return say("history.log_gone")
         return say("history.log_elsewhere", station=run.station or "?", location=run.location or "?")
 
+    def _why_no_result(self, run: RunRecord) -> str:
+        """Return why the result cannot be opened, or ""."""
+        if run.altered:
+            return say("history.result_changed")
+        if not (bool(run.stages) if run.origin else self.has_parameters):
+            return say("history.no_parameters")
+        return say("history.result_only_in_log") if run.result is None and not run.origin else ""
+
     def _cycle_text(self) -> str:
         """Return the durations of the cycle and of its phases other than stages, or "" if they are unknown."""
         seconds = {} if self._result is None else self._result.cycle_seconds
@@ -366,8 +375,7 @@ class RunDetails(QFrame):
         self.close_button.setText(say("history.close_as_incomplete" if incomplete else "history.do_not_resume"))
         self.resume_button.setVisible(actions.resumable)
         self.close_button.setVisible(actions.resumable or (incomplete and not run.closed and not run.origin))
-        solved = bool(run.stages) if run.origin else self.has_parameters
-        enable(self.result_button, "" if solved else say("history.no_parameters"), say("history.show_parameters"))
+        enable(self.result_button, self._why_no_result(run), say("history.show_parameters"))
         enable(self.log_button, self._why_no_log(run), say("history.draw_log"))
         self.folder_button.setVisible(not run.origin)
         self.folder_button.setToolTip(plain_tip(str(run.log.parent)))

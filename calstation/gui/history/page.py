@@ -37,7 +37,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.records import RunFilter, RunRecord, Verdict
-from calstation.results import History, Result, load_run_result, refresh_history
+from calstation.results import History, Result, refresh_history
 from calstation.runs import Resumable, close_incomplete_job, find_resumable
 from calstation.sequencer import Event, Finalized
 
@@ -218,12 +218,26 @@ class HistoryPage(Page):
         run = self.table.run
         self.details.setVisible(run is not None)
         if run is not None:
-            result, unit_runs = _result(run), self._history().solved(run.serial, MAX_TREND)
+            result, unit_runs = self._result(run), self._history().solved(run.serial, MAX_TREND)
             self.details.show_run(run, result, unit_runs, self._actions())
             try:
                 self.details.resolves.show_records(self._history().resolves(run.log), None)
             except InputError as error:
                 self.details.resolves.show_records((), error)
+
+    def _result(self, run: RunRecord) -> Result | None:
+        """Return the result of a run, from its log if it has no result file; None if missing, unreadable or altered.
+
+        The result of a run of another station is available only after it has been opened, and lacks later overrides.
+        """
+        if run.altered:
+            return None
+        try:
+            result = self._history().result(run)
+        except InputError:
+            return None
+        outdated = run.origin and (result.released, result.closed_utc is not None) != (run.released, run.closed)
+        return None if outdated else result
 
     def _actions(self) -> Actions:
         run = self.table.run
@@ -288,8 +302,9 @@ class HistoryPage(Page):
     def _show_record(self) -> None:
         """Show the events and the certificates of the selected run."""
         if (run := self.table.run) is not None:
+            self.notice.dismiss()
             self._views.setCurrentWidget(self.record)
-            self.record.open(run, _result(run))
+            self.record.open(run, self._result(run))
 
     def _show_batch(self) -> None:
         """List the runs of the batch of the selected run."""
@@ -318,10 +333,12 @@ class HistoryPage(Page):
         self._comparison.setFocus()
 
     def _show_versions(self) -> None:
+        self.notice.dismiss()
         self._views.setCurrentWidget(self.versions)
         self.versions.open()
 
     def _show_audit(self) -> None:
+        self.notice.dismiss()
         self._views.setCurrentWidget(self.audit)
         self.audit.open()
 
@@ -364,19 +381,3 @@ class HistoryPage(Page):
             self._nothing.say("history.no_run_matches", "history.relax_filters")
         else:
             self._nothing.say(*(("chart.reading",) if self.busy else ("history.no_runs_yet", "history.about_no_runs")))
-
-
-def _result(run: RunRecord) -> Result | None:
-    """Return the result of a run, or None if it is missing, unreadable or altered.
-
-    The result of a run of another station is available only after it has been opened, and lacks later overrides.
-    """
-    path = run.log.with_suffix(".json") if run.origin else run.result
-    if path is None:
-        return None
-    try:
-        result = load_run_result(path)
-    except InputError:
-        return None
-    outdated = run.origin and (result.released, result.closed_utc is not None) != (run.released, run.closed)
-    return None if outdated else result

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from PySide6.QtCore import Qt
+
 from calstation.gui.operator import CertificateButton
 from calstation.gui.state import AppContext, EventLog, JobView
 from calstation.gui.text import language, on_language_change, say
@@ -16,8 +18,7 @@ _CERTIFICATES = (
     Cell("history.certificate_number", "number", number=False, hint="file"),
     Cell("history.certificate_issued", "issued", number=False),
     Cell("history.certificate_state", "state_text", number=False, state="state"),
-    Cell("history.certificate_people", "people", number=False),
-    Cell("history.certificate_reason", "reason", number=False, hint="reason"),
+    Cell("history.certificate_people", "people", number=False, hint="people"),
 )
 
 
@@ -41,9 +42,11 @@ class RecordView(JobView):
         self.table = CellTable(
             "certificates_table", "history.certificates", _CERTIFICATES, named=False, single=True, row=4 * theme.GRID
         )
+        self.table.setTextElideMode(Qt.TextElideMode.ElideMiddle)  # the end of a number states its revision
         self.table.selectionModel().currentRowChanged.connect(lambda *_: self._update())
         self.table.doubleClicked.connect(lambda _: self._open())
         self._no_certificates = label(kind="muted", wrap=True, name="no_certificates_label")
+        self._reason = label(wrap=True, name="certificate_reason_label")
         self._note = label(wrap=True, name="certificates_note")
         self._open_button = button("open_certificate_button", "history.open_certificate", self._open)
         self.certificate_button = CertificateButton(self.app, "record_certificate_button", self.notice, self.setFocus)
@@ -53,6 +56,7 @@ class RecordView(JobView):
             label("history.certificates", "section"),
             self._no_certificates,
             (self.table, 1),
+            self._reason,
             self._note,
             row(self._open_button, self.certificate_button, None),
             self.certificate_button.panel,
@@ -95,10 +99,14 @@ class RecordView(JobView):
             self.certificate_button.open_issued(pdf)
 
     def _update(self) -> None:
-        """Enable the button that opens the selected certificate if its file exists."""
+        """Show why the selected certificate is a revision, and enable the button that opens it if its file exists."""
         number = self.table.currentIndex().row()
         self._open_button.setVisible(bool(self._certificates))
-        exists = 0 <= number < len(self._certificates) and self._certificates[number].pdf is not None
+        chosen = self._certificates[number] if 0 <= number < len(self._certificates) else None
+        revised = chosen is not None and chosen.report.reason
+        values = {} if chosen is None else {"number": chosen.report.identification, "why": chosen.report.reason}
+        show_text(self._reason, say("history.certificate_reason", **values) if revised else "")
+        exists = chosen is not None and chosen.pdf is not None
         enable(self._open_button, "" if exists else say("history.certificate_file_missing"))
 
     def _show_texts(self) -> None:
@@ -119,8 +127,7 @@ class RecordView(JobView):
                 "issued": report.issued,
                 "state": state,
                 "state_text": say(code),
-                "people": say("common.comma").join(report.authorised),
-                "reason": report.reason or "",
+                "people": say("common.comma").join(each.people),
                 "file": "" if each.pdf is None else str(each.pdf.path),
             }
         self.table.show_cells(cells)
@@ -133,11 +140,13 @@ class RecordView(JobView):
 def _state(certificate: IssuedCertificate, *, last: bool, altered: bool) -> tuple[str, str]:
     """Return the symbol of the state of a certificate and the code of its text; `altered` as in `RunRecord`."""
     if certificate.intact is False:
-        return "bad", "history.certificate_changed"
+        return "bad", "history.certificate_changed" if last else "history.certificate_replaced_changed"
     if not last:
         return "none", "history.certificate_replaced"
     if altered:
         return "caution", "history.certificate_result_changed"
-    if certificate.intact is None and certificate.pdf is not None:
+    if certificate.pdf is None:
+        return "caution", "history.certificate_without_file"
+    if certificate.intact is None:
         return "caution", "history.certificate_unverified"
     return "good", "history.certificate_valid"

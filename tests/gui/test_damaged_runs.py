@@ -1,0 +1,77 @@
+"""The history page on runs whose files were changed, moved or deleted."""
+
+import json
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import Qt
+from pytestqt.qtbot import QtBot
+
+from calstation.gui.history import HistoryPage
+from calstation.gui.text import language
+from calstation.records import LogMeta, RawLogWriter
+from tests.gui import test_history_page as base
+from tests.gui.test_history_page import META, NOW, WAIT, button, listed_runs, select_row, write_run
+
+pytestmark = pytest.mark.timeout(120)
+folder, page = base.folder, base.page
+
+
+def edit(path: Path) -> None:
+    """Change the operator in a result file."""
+    path.write_text(path.read_text("utf-8").replace("Zhang Min", "Li Wei"), "utf-8")
+
+
+def write_log(result_file: Path) -> None:
+    """Write a closed log without samples, which contains the result in a file, next to this file."""
+    run = {**META["run"], "started_utc": NOW.isoformat()}
+    writer = RawLogWriter(result_file.with_suffix(".h5"), LogMeta.model_validate({**META, "run": run}))
+    writer.add_result(json.loads(result_file.read_text("utf-8")))
+    writer.close("failed")
+
+
+def list_again(page: HistoryPage, qtbot: QtBot) -> None:
+    """Read the folder again, and select the first run by a click."""
+    page.refresh()
+    qtbot.waitUntil(lambda: not page.busy, timeout=WAIT)
+    listed_runs(page, qtbot)
+    select_row(page, 0, qtbot)
+    listed_runs(page, qtbot)
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_changed_result_without_a_log_is_compared_with_the_index(
+    page: HistoryPage, folder: Path, qtbot: QtBot, code: str
+) -> None:
+    language.use(code)
+    path = write_run(folder, "SN-000001", "failed", timedelta(hours=1), bias=5.0)
+    listed_runs(page, qtbot)
+    edit(path)
+    list_again(page, qtbot)
+    reason = page.details.reason_label.text()
+    assert ("the index of the runs states FAIL", "标定索引中为“不合格”")[code != "en"] in reason
+    assert ("do not move this file", "不要移动该文件")[code != "en"] in reason
+    result = button(page, "history_result_button")
+    assert not result.isEnabled()
+    assert ("was changed after the run", "在标定后被改动")[code != "en"] in result.toolTip()
+
+
+def test_run_without_its_result_file_keeps_the_reasons_from_its_log(
+    page: HistoryPage, folder: Path, qtbot: QtBot
+) -> None:
+    path = write_run(folder, "SN-000001", "failed", timedelta(hours=1), bias=5.0)
+    write_log(path)
+    listed_runs(page, qtbot)
+    edit(path)
+    list_again(page, qtbot)
+    assert "its log states FAIL. Restore the file from a backup" in page.details.reason_label.text()
+    path.rename(folder.parent / path.name)
+    list_again(page, qtbot)
+    details = page.details
+    assert (details.badge.text(), details.reason_label.text()) == ("FAIL", "Outside its limits:")
+    assert "gyro bias x is 5 °/h; allowed: ±3 °/h" in details.failed_label.text()
+    result = button(page, "history_result_button")
+    qtbot.mouseClick(result, Qt.MouseButton.LeftButton)
+    assert not result.isEnabled()
+    assert "the log contains the result" in result.toolTip()
