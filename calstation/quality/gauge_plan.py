@@ -22,7 +22,8 @@ from calstation.physics import NAMES, FloatArray, further_parameter
 from calstation.quality.gauge import GaugeStudy, check_size, crossed, gauge_study, ranges_beyond
 from calstation.quality.runs import judged_runs, product_runs
 from calstation.quality.summary import known_products, limit_interval
-from calstation.records import Categories, RunColumns, write_atomic
+from calstation.records import Categories, RunColumns, RunFilter, write_atomic
+from calstation.results import History
 
 SCHEMA: Literal["calstation.gauge_plan/2"] = "calstation.gauge_plan/2"
 
@@ -222,10 +223,11 @@ class StudyState:
     """A plan and its evaluation from the stored runs."""
 
     plan: GaugePlan
-    missing: tuple[Measurement, ...]  #: Runs that have not been made, in order.
+    missing: tuple[Measurement, ...]  #: Runs that have not been made or whose files are missing, in order.
     out_of_order: int  #: Number of runs that were not made in the planned order.
     studies: Mapping[str, GaugeStudy]  #: By parameter, SI; empty while runs are missing.
     values: Mapping[str, FloatArray]  #: By parameter, SI; see `GaugePlan.values`.
+    lost: tuple[Measurement, ...] = ()  #: Those of `missing` that have been made, and whose files are missing.
 
     def by_appraiser(self, name: str) -> FloatArray:
         """Return the values of a parameter, SI, shape (units, appraisers, trials)."""
@@ -257,4 +259,6 @@ def evaluate_study(report: ProgressCallback, folder: Path, path: Path, product: 
             tolerance = None if interval is None else interval[1] - interval[0]
             studies[name] = gauge_study(plan.factors, of_levels, tolerance)
         report(done / len(values))
-    return StudyState(plan, missing, plan.out_of_order(runs), studies, values)
+    known = History(folder).columns(RunFilter(product=plan.product, missing=None)) if missing else runs
+    lost = Counter(missing) - Counter(plan.remaining(known))
+    return StudyState(plan, missing, plan.out_of_order(runs), studies, values, tuple(lost.elements()))

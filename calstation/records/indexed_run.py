@@ -50,6 +50,7 @@ class RunRecord:
     altered: bool = False  #: Whether the result file differs from the log; the entries are then those of the log.
     #: Whether it states a PASS that its log, which was not closed, neither confirms nor contradicts.
     unconfirmed: bool = False
+    missing: bool = False  #: Whether its files are gone or unreadable; the entries are then those they had before.
     resumable: bool = False  #: Whether the run ended early after a stage or a temperature that need not be repeated.
     result_sha256: str = ""  #: Digest of the result file, with which it is compared if its log is missing.
 
@@ -57,9 +58,11 @@ class RunRecord:
     def badge(self) -> str:
         """The verdict as the window shows it.
 
-        It is ``altered`` or ``unconfirmed`` if the result file differs from the log, and ``released`` for a failed run
-        whose unit was released.
+        It is ``missing`` without its files, ``altered`` or ``unconfirmed`` if the result file differs from the log, and
+        ``released`` for a failed run whose unit was released.
         """
+        if self.missing:
+            return "missing"
         if self.altered:
             return "unconfirmed" if self.unconfirmed else "altered"
         return "released" if self.released else self.verdict
@@ -136,6 +139,7 @@ class RunFilter:
     search: str = ""  #: Part of a serial number, file name, product, station, operator or batch.
     verdict: str = ""
     altered: bool | None = None  #: Whether the result file differs from the log; None means no condition.
+    missing: bool | None = False  #: Whether the files of the run are missing; None means no condition.
     product: str = ""
     station: str = ""
     operator: str = ""

@@ -36,7 +36,7 @@ from calstation.records.indexed_run import (
 from calstation.records.verdict import Verdict
 
 #: Version of the table layout; an index of another version is rebuilt.
-_VERSION = 19
+_VERSION = 20
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
@@ -69,7 +69,7 @@ _NO_CHECKS = "[]"
 #: so that 100,000 runs are read at once without parsing.
 _SEARCHED = ("serial", "started_utc", "verdict", "product", "station", "operator", "resumed_from", "batch", "slot")
 #: Columns of the conditions, which have a separate index, so that a query does not read the contents of other runs.
-_FILTERED = ("started_utc", "name", "verdict", "altered", "product", "station", "operator", "batch", "text")
+_FILTERED = ("started_utc", "name", "verdict", "altered", "missing", "product", "station", "operator", "batch", "text")
 _metadata = sa.MetaData()
 _runs = sa.Table(
     "runs",
@@ -82,6 +82,7 @@ _runs = sa.Table(
     sa.Column("content", sa.String, nullable=False),
     sa.Column("partial", sa.Boolean, nullable=False),
     sa.Column("altered", sa.Boolean, nullable=False),
+    sa.Column("missing", sa.Boolean, nullable=False),
     sa.Column("check_standard", sa.Boolean, nullable=False),
     sa.Column("failed_checks", sa.String, nullable=False),
     sa.Column("parameters", sa.String, nullable=False),
@@ -104,6 +105,7 @@ _acknowledged = sa.Table(
 _acknowledged_at = sa.Table("acknowledged_at", _metadata, sa.Column("revision", sa.BigInteger, primary_key=True))
 #: One row, added by the first change of the runs, with a random value that every change replaces.
 _changed = sa.Table("changed", _metadata, sa.Column("mark", sa.String, primary_key=True))
+_present = sa.not_(_runs.c.missing)
 _mark = sa.select(_changed.c.mark)
 _latest_first = (_runs.c.started_utc.desc(), _runs.c.name.desc())
 _rowid: sa.ColumnElement[int] = sa.literal_column("runs.rowid", sa.Integer)
@@ -149,8 +151,8 @@ class RunIndex:
         return self._try(lambda connection: connection.execute(_mark).scalar())
 
     def stamps(self) -> Mapping[str, str]:
-        """Return the stamps of the runs of the folder by name."""
-        query = sa.select(_runs.c.name, _runs.c.stamp).where(_runs.c.origin == "")
+        """Return the stamps of the runs of the folder by name, without those whose files are missing."""
+        query = sa.select(_runs.c.name, _runs.c.stamp).where(_runs.c.origin == "", _present)
 
         def read(connection: sa.Connection) -> dict[str, str]:
             mark = connection.execute(_mark).scalar()
@@ -160,16 +162,20 @@ class RunIndex:
 
         return self._try(read)
 
-    def update(self, runs: Iterable[IndexedRun], removed: Iterable[str] = ()) -> None:
-        """Add or replace runs of the folder, and remove those in `removed`."""
-        rows, names = [_row(run) for run in runs], [*removed]
+    def update(self, runs: Iterable[IndexedRun], removed: Iterable[str] = (), missing: Iterable[str] = ()) -> None:
+        """Add or replace runs of the folder, remove those in `removed`, and keep those in `missing` without files."""
+        rows, names, lost = [_row(run) for run in runs], [*removed], [*missing]
+        content = sa.func.json_set(_runs.c.content, "$.missing", sa.func.json("true"))
 
         def change(connection: sa.Connection) -> None:
             for name in names:
                 connection.execute(sa.delete(_runs).where(_runs.c.origin == "", _runs.c.name == name))
+            for name in lost:
+                row = sa.update(_runs).where(_runs.c.origin == "", _runs.c.name == name)
+                connection.execute(row.values(missing=True, content=content))
             _store(connection, rows)
 
-        if rows or names:
+        if rows or names or lost:
             self._try(change)
 
     def runs_by_name(self, names: Sequence[str]) -> list[IndexedRun]:
@@ -283,7 +289,7 @@ class RunIndex:
         before : exclusive upper limit of the start, ISO 8601; None for no limit
         limit : largest number of runs; None for no limit
         """
-        query = sa.select(_runs).where(_runs.c.serial == serial)
+        query = sa.select(_runs).where(_runs.c.serial == serial, _present)
         if verdicts is not None:
             query = query.where(_runs.c.verdict.in_(verdicts))
         if before is not None:
@@ -292,14 +298,14 @@ class RunIndex:
 
     def passed_units(self) -> set[str]:
         """Return the serial numbers of the units with a run that passed and was not partial."""
-        passed = _runs.c.verdict == Verdict.PASSED, sa.not_(_runs.c.partial)
+        passed = _runs.c.verdict == Verdict.PASSED, sa.not_(_runs.c.partial), _present
         rows = self._try(lambda connection: _rows(connection, sa.select(_runs.c.serial).where(*passed).distinct()))
         return {serial for (serial,) in rows}
 
     def attempts(self, serial: str) -> int:
         """Return the number of runs started for a unit; a resumed run counts once."""
         query = sa.select(sa.func.count()).select_from(_runs)
-        query = query.where(_runs.c.serial == serial, _runs.c.resumed_from.is_(None))
+        query = query.where(_runs.c.serial == serial, _runs.c.resumed_from.is_(None), _present)
         return self._try(lambda connection: int(connection.execute(query).scalar_one()))
 
     def columns(self, conditions: RunFilter) -> RunColumns:
@@ -466,6 +472,8 @@ def _conditions(run_filter: RunFilter) -> list[sa.ColumnElement[bool]]:
     conditions = [_runs.c[name] == getattr(run_filter, name) for name in columns if getattr(run_filter, name)]
     if run_filter.altered is not None:
         conditions.append(_runs.c.altered == run_filter.altered)
+    if run_filter.missing is not None:
+        conditions.append(_runs.c.missing == run_filter.missing)
     if run_filter.since:
         conditions.append(_runs.c.started_utc >= run_filter.since)
     if run_filter.before:
@@ -487,6 +495,7 @@ def _row(run: IndexedRun) -> dict[str, Any]:
     columns["text"] = _TIME_STAMP.sub("", "\n".join(filter(None, texts))).casefold()
     columns["partial"] = record.partial
     columns["altered"] = record.altered
+    columns["missing"] = record.missing
     columns["check_standard"] = record.check_standard
     return {"origin": record.origin, "name": run.name, "stamp": run.stamp, **columns, **to_columns(run)}
 

@@ -86,7 +86,8 @@ class History:
         removed = [name for name in known if name not in files]
         changed = [name for name, stamp in files.items() if known.get(name) != stamp]
         if removed:
-            self._index.update([], removed)
+            missing = [name for name in removed if not _exists(self._folder, name)]
+            self._index.update([], set(removed).difference(missing), missing)
             yield len(removed), 0.0
         for start in range(0, len(changed), _BATCH):
             names = changed[start : start + _BATCH]
@@ -94,7 +95,7 @@ class History:
             read = {name: _read(self._folder, name, files[name], earlier.get(name)) for name in names}
             runs = [run for run in read.values() if run is not None]
             no_runs = [name for name, run in read.items() if run is None and name in known]
-            self._index.update(runs, no_runs)
+            self._index.update(runs, missing=no_runs)
             yield len(runs) + len(no_runs), (start + len(names)) / len(changed)
 
     def _known_without_log(self, names: Sequence[str], known: Mapping[str, str]) -> dict[str, IndexedRun]:
@@ -245,6 +246,11 @@ def _files(folder: Path, known: Mapping[str, str]) -> dict[str, str]:
         if known.get(stem) == stamp or not _is_running(folder, stem)
     }
     return {**ended, **results}
+
+
+def _exists(folder: Path, name: str) -> bool:
+    """Return whether a run has a file; it is not listed while it is in progress."""
+    return (folder / f"{name}{SUFFIX}").exists() or (folder / f"{name}.json").exists()
 
 
 def _is_running(folder: Path, stem: str) -> bool:

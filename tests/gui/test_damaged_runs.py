@@ -9,10 +9,12 @@ from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.history import HistoryPage
-from calstation.gui.text import language
-from calstation.records import LogMeta, RawLogWriter
+from calstation.gui.text import language, say
+from calstation.records import LogMeta, RawLogWriter, RunFilter
+from calstation.results import History
 from tests.gui import test_history_page as base
-from tests.gui.test_history_page import META, NOW, WAIT, button, listed_runs, select_row, write_run
+from tests.gui.test_history_lists import choose
+from tests.gui.test_history_page import META, NOW, WAIT, button, listed_runs, rows, select_row, write_run
 
 pytestmark = pytest.mark.timeout(120)
 folder, page = base.folder, base.page
@@ -75,3 +77,44 @@ def test_run_without_its_result_file_keeps_the_reasons_from_its_log(
     qtbot.mouseClick(result, Qt.MouseButton.LeftButton)
     assert not result.isEnabled()
     assert "the log contains the result" in result.toolTip()
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_run_without_files_stays_listed(page: HistoryPage, folder: Path, qtbot: QtBot, code: str) -> None:
+    language.use(code)
+    gone = write_run(folder, "SN-000001", "failed", timedelta(hours=1), bias=5.0)
+    write_run(folder, "SN-000002", "passed", timedelta(hours=2))
+    listed_runs(page, qtbot)
+    content = gone.read_text("utf-8")
+    gone.unlink()
+    list_again(page, qtbot)
+    badge, passed = say("badge.missing"), say("badge.passed")
+    assert rows(page) == [("SN-000001", badge), ("SN-000002", passed)]
+    reason = page.details.reason_label.text()
+    assert ("are no longer in the folder" if code == "en" else "文件已不在文件夹中") in reason
+    assert say("badge.failed") in reason
+    for name in ("result", "log"):
+        assert not button(page, f"history_{name}_button").isEnabled()
+    assert say("history.export_tip", count=1) == button(page, "history_export_button").toolTip()
+    choose(page, "outcome", badge)
+    assert rows(page) == [("SN-000001", badge)]
+    assert not button(page, "history_export_button").isEnabled()
+    choose(page, "outcome", passed)
+    assert rows(page) == [("SN-000002", passed)]
+    qtbot.mouseClick(button(page, "history_clear_button"), Qt.MouseButton.LeftButton)
+    gone.write_text(content, "utf-8")
+    list_again(page, qtbot)
+    assert rows(page)[0] == ("SN-000001", say("badge.failed"))
+
+
+def test_run_without_files_counts_nowhere(folder: Path) -> None:
+    path = write_run(folder, "SN-000001", "passed", timedelta(hours=1))
+    history = History(folder)
+    history.refresh()
+    path.unlink()
+    assert (history.refresh(), history.refresh()) == (1, 0)
+    assert (history.count(RunFilter()), history.count(RunFilter(missing=True))) == (0, 1)
+    assert not history.of("SN-000001")
+    assert not history.passed_units()
+    assert history.attempts("SN-000001") == 0
+    assert not history.columns().names

@@ -425,3 +425,12 @@ def test_gauge_study_is_planned_run_and_judged(
     assert float(rows[-1][3]) == 100.0
     assert operator.widget("study_plan_label", QLabel).text() == made.name
     assert operator.widget("study_open_button", QPushButton).isEnabled()
+    unit = GaugePlan.load(made).units[0]
+    for path in [*operator.site_folder.runs.glob(f"{unit}_*")]:
+        path.unlink()
+    operator.press("study_open_button")
+    until_read(operator, page)
+    assert "The files of 9 runs of the study are missing" in operator.says()
+    assert "calibrates unit" not in operator.says()
+    states = [row[-1] for row in cells(operator, "study_order_table")]
+    assert (states.count("files missing"), states.count("done")) == (9, 81)

@@ -290,6 +290,8 @@ class RunDetails(QFrame):
     def _reason(self, run: RunRecord) -> str:
         """Return the reason for the outcome of a run, and whether it can be resumed."""
         result = self._result
+        if run.missing:
+            return say("history.missing", outcome=term("badge", run.verdict))
         if run.altered:
             altered = "history.altered" if run.log.exists() else "history.altered_without_log"
             code = "history.unconfirmed" if run.unconfirmed else altered
@@ -353,8 +355,8 @@ class RunDetails(QFrame):
 
     def _why_no_result(self, run: RunRecord) -> str:
         """Return why the result cannot be opened, or ""."""
-        if run.altered:
-            return say("history.result_changed")
+        if run.missing or run.altered:
+            return say("history.files_missing" if run.missing else "history.result_changed")
         if not (bool(run.stages) if run.origin else self.has_parameters):
             return say("history.no_parameters")
         return say("history.result_only_in_log") if run.result is None and not run.origin else ""
@@ -374,7 +376,8 @@ class RunDetails(QFrame):
         self.batch_button.setVisible(run.batch is not None)
         self.close_button.setText(say("history.close_as_incomplete" if incomplete else "history.do_not_resume"))
         self.resume_button.setVisible(actions.resumable)
-        self.close_button.setVisible(actions.resumable or (incomplete and not run.closed and not run.origin))
+        elsewhere = run.closed or run.origin or run.missing
+        self.close_button.setVisible(actions.resumable or (incomplete and not elsewhere))
         enable(self.result_button, self._why_no_result(run), say("history.show_parameters"))
         enable(self.log_button, self._why_no_log(run), say("history.draw_log"))
         self.folder_button.setVisible(not run.origin)

@@ -13,12 +13,13 @@ from calstation.gui.widgets import column, combo_box, fill_combo, label, line_ed
 from calstation.messages import Text, local_time
 from calstation.records import RunChoices, RunFilter
 
-#: Choice of the runs whose result file differs from the log, which the choice of a verdict excludes.
-_ALTERED = "altered"
+#: Choices of the runs whose result file differs from the log, or whose files are missing, which a verdict excludes.
+_ALTERED, _MISSING = "altered", "missing"
 #: Verdicts that can be selected; "" for all.
 _VERDICTS = {
     "": "history.every_outcome",
     **{name: f"badge.{name}" for name in ("passed", "partial", "failed", "stopped", "fault", "incomplete", _ALTERED)},
+    _MISSING: f"badge.{_MISSING}",
 }
 #: Numbers of past days that can be selected; None for all runs, 0 for the dates that are entered.
 _PERIODS: dict[int | None, Words] = {
@@ -84,8 +85,9 @@ class Filters(QWidget):
             first = QDate.currentDate().addDays(1 - days)
         return RunFilter(
             search=self.search_edit.text().strip(),
-            verdict="" if verdict == _ALTERED else verdict,
-            altered=verdict == _ALTERED if verdict else None,
+            verdict="" if verdict in (_ALTERED, _MISSING) else verdict,
+            altered=verdict == _ALTERED if verdict not in ("", _MISSING) else None,
+            missing=verdict == _MISSING if verdict else None,
             product=self._product.currentData() or "",
             station=self._station.currentData() or "",
             operator=self._operator.currentData() or "",

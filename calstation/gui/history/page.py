@@ -1,6 +1,7 @@
 """The History page: finished and incomplete runs, which can be filtered, compared and exported."""
 
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -59,7 +60,7 @@ class HistoryPage(Page):
         self._resumable: frozenset[Path] = frozenset()
         self._index: tuple[Path, History] | None = None
         self._compared: tuple[RunRecord, ...] = ()
-        self._match_count = 0
+        self._match_count = self._export_count = 0
         #: Mark of the index when its runs were listed; None if they were not.
         self._listed: str | None = None
         #: Show the list and, in a later turn of the event loop, the details, because both together block too long.
@@ -125,6 +126,8 @@ class HistoryPage(Page):
         history = self._history() if self.app.runs_folder.is_dir() else None
         conditions = self._filters.conditions
         self._match_count = 0 if history is None else history.count(conditions)
+        with_files = replace(conditions, missing=False)
+        self._export_count = 0 if history is None or conditions.missing else history.count(with_files)
         self._stack.setCurrentWidget(self._split if self._match_count else self._nothing)
         with QSignalBlocker(self.table):
             self.table.show_runs(
@@ -230,7 +233,7 @@ class HistoryPage(Page):
 
         The result of a run of another station is available only after it has been opened, and lacks later overrides.
         """
-        if run.altered:
+        if run.altered or run.missing:
             return None
         try:
             result = self._history().result(run)
@@ -349,6 +352,7 @@ class HistoryPage(Page):
     def _export(self) -> None:
         """Export the selected runs or, unless there are several, all runs that match the filters."""
         folder, conditions = self.app.runs_folder, self._filters.conditions
+        conditions = replace(conditions, missing=False)
         if len(self.table.selected_runs) > 1:
             conditions = RunFilter(names=tuple(run.log.stem for run in self.table.selected_runs))
         self.exports.ask(
@@ -364,17 +368,18 @@ class HistoryPage(Page):
             return say("history.select_runs", largest=MAX_COMPARED)
         if any(run.verdict is Verdict.INCOMPLETE for run in chosen):
             return say("history.incomplete_selected")
-        return ""
+        return say("history.missing_selected") if any(run.missing for run in chosen) else ""
 
     def _show_texts(self) -> None:
         """Show the number of runs, the possible actions, and the text of an empty list."""
         chosen = len(self.table.selected_runs)
         self._count_label.setText(say("history.run_count", count=self._match_count))
-        filtered = self._filters.conditions != RunFilter()
+        filtered = self._filters.conditions != RunFilter(missing=None)
         self._clear_button.setVisible(filtered)
         enable(self._compare_button, self._why_not_compare(), say("history.compare_tip"))
         self._export_button.setText(say("history.export_selection" if chosen > 1 else "history.export_list"))
-        count = chosen if chosen > 1 else self._match_count
+        present = sum(not run.missing for run in self.table.selected_runs)
+        count = present if chosen > 1 else self._export_count
         tip = say("history.export_tip", count=count)
         enable(self._export_button, "" if count else say("history.nothing_to_export"), tip)
         if filtered:

@@ -179,14 +179,21 @@ class StudyView(QWidget):
             self._stack.setCurrentWidget(self._evaluation)
 
     def _show_order(self, state: StudyState) -> None:
-        next_run, count = state.missing[0], {"left": len(state.missing), "runs": len(state.plan.order)}
-        next_text = say("gauge.left", **count, unit=next_run.unit, by=next_run.appraiser)
-        self._next_label.setText("\n".join([next_text, *_order_notes(state)]))
-        missing = Counter(state.missing)
+        lost = Counter(state.lost)
+        missing = Counter(state.missing) - lost
+        next_run = next((each for each in state.missing if missing[each]), None)
+        count, notes = {"left": missing.total(), "runs": len(state.plan.order)}, _order_notes(state)
+        if lost:
+            notes.insert(0, say("gauge.lost", count=lost.total()))
+        if next_run is not None:
+            notes.insert(0, say("gauge.left", **count, unit=next_run.unit, by=next_run.appraiser))
+        self._next_label.setText("\n".join(notes))
         cells = {}
         for k, each in enumerate(state.plan.order):
             kind, code = "good", "done"
-            if missing[each]:
+            if lost[each]:
+                kind, code = "caution", "files_missing"
+            elif missing[each]:
                 kind, code = ("running", "next") if each == next_run else ("none", "waiting")
             cells[str(k)] = {
                 "run": str(k + 1),

@@ -49,6 +49,7 @@ KINDS = {
     "failed": "bad",
     "released": "bad",
     "altered": "caution",
+    "missing": "caution",
     "unconfirmed": "caution",
     "incomplete": "waiting",
 }
