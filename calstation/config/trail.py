@@ -39,10 +39,20 @@ def read_site_trail(report: ProgressCallback) -> SiteTrail:
     folder = library.site_folder()
     state = verify_trail(folder, every_signature=True)
     report(1.0)
-    texts = _verification(audit_path(folder), state.trail, state.faults)
+    faults = state.faults or _contradicting_files(folder)
+    texts = _verification(audit_path(folder), state.trail, faults)
     if state.key_error is not None:
         texts = (*texts, state.key_error.as_text)
-    return SiteTrail(state.trail, texts, not state.faults)
+    return SiteTrail(state.trail, texts, not faults)
+
+
+def _contradicting_files(folder: Path) -> tuple[Text, ...]:
+    """Return the fault of a site without an audit trail whose files were written only after an event of the trail."""
+    path = audit_path(folder)
+    if path.exists():
+        return ()
+    witnesses = (folder / name for name in ("engineer.json", "engineers", "versions"))
+    return tuple(Text.of("audit.files_without", file=path, witness=each) for each in witnesses if each.exists())[:1]
 
 
 def read_trail_copy(path: Path) -> SiteTrail:

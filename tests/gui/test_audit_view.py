@@ -10,6 +10,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QTableView
 from pytestqt.qtbot import QtBot
 
+from calstation.config import access, library, versions
 from calstation.gui.history import HistoryPage
 from calstation.gui.text import language
 from calstation.records import append_audit, audit_path
@@ -205,6 +206,27 @@ def test_notice_about_a_run_does_not_stay_above_the_audit_trail(
     assert page.notice.isVisible()
     open_trail(page, qtbot)
     assert not page.notice.isVisible()
+
+
+@pytest.mark.parametrize(("code", "words"), [("en", "is missing, although"), ("zh_CN", "缺失")])
+def test_a_pin_or_a_version_without_the_trail_of_its_event_is_a_fault(
+    page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot, code: str, words: str
+) -> None:
+    access.set_pin("", "246810")
+    versions.save("products", "nav_a", library.find("products", "nav_a").read_text("utf-8"), "Li Na")
+    language.use(code)
+    open_trail(page, qtbot)
+    state = page.audit.findChild(QLabel, "audit_state_label")
+    assert state.property("kind") == ""
+    for name in ("audit.jsonl", "station.key", "station.head"):
+        (site_folder.home / name).unlink()
+    for witness in ("engineer.json", "versions"):
+        qtbot.mouseClick(button(page, "audit_verify_button"), Qt.MouseButton.LeftButton)
+        qtbot.waitUntil(lambda name=witness: words in state.text() and name in state.text(), timeout=WAIT)
+        assert state.property("kind") == "error"
+        path = site_folder.home / witness
+        path.rename(path.with_name(f"former_{witness}"))
+    language.use("en")
 
 
 @pytest.mark.parametrize("suffix", ["csv", "json"])
