@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calstation.physics import IntArray
+from calstation.physics import BoolArray, IntArray
 from calstation.records import RunColumns, RunFilter, Verdict
 from calstation.results import History
 
@@ -33,7 +33,17 @@ def judged_runs(runs: RunColumns) -> IntArray:
 def production_runs(runs: RunColumns, excluded: Collection[str]) -> IntArray:
     """Return the indices of runs with a verdict, without runs of check standards and of the units `excluded`."""
     judged = judged_runs(runs)
-    return judged[~(runs.check_standard | runs.serials.isin(excluded))[judged]]
+    return judged[~_of_standards(runs, excluded)[judged]]
+
+
+def partial_failures(runs: RunColumns, excluded: Collection[str]) -> IntArray:
+    """Return the indices of partial runs that failed, without the runs that `production_runs` excludes."""
+    failed = runs.partial & runs.verdicts.isin((Verdict.FAILED,))
+    return np.flatnonzero(failed & ~_of_standards(runs, excluded))
+
+
+def _of_standards(runs: RunColumns, excluded: Collection[str]) -> BoolArray:
+    return np.asarray(runs.check_standard | runs.serials.isin(excluded))
 
 
 def last_of_each_unit(runs: RunColumns, rows: IntArray) -> IntArray:

@@ -108,6 +108,7 @@ class ParameterQuality:
     capability: Capability | None  #: None without a limit, or for one unit.
     declared: bool = False  #: Whether the center is the reference value of a check standard.
     effects: RandomEffects | None = None  #: Model that made values of several schedules comparable, SI.
+    baseline: int = 0  #: Number of the first values that belong to the baseline of the process.
 
     @classmethod
     def of(
@@ -192,6 +193,7 @@ class QualitySummary:
                     for kind in ("days", "products", "stations", "operators")
                 },
                 "failed_checks": [check.to_json() for check in yields.failed_checks],
+                "partial_failed": yields.partial_failed,
             },
             "parameters": [each.to_json() for each in self.parameters],
             "golden": None
@@ -221,7 +223,8 @@ def summarise_quality(
         use the last run of each unit, exclude its runs and the runs of check standards according to their results or to
         a current product file.
     parameter : parameter that is charted; by default all
-    since : earliest start of the runs
+    since : earliest start of the runs; the limits of the charts do not depend on it, because their baseline is the
+        first runs of any time
     relative : whether to chart deviations in standard deviations, for runs of several schedules; then there is no
         capability. For all units it is (x - mean) / sqrt(sigma² + tau²), with each run's own sigma, and mean and tau of
         the random effects model of the baseline. For a single unit with reference values it is (x - reference) /
@@ -245,16 +248,15 @@ def summarise_quality(
     names = sorted({name for name in runs.products.values if name is not None})
     in_period = runs.started >= start
     production, unit_runs = production_runs(runs, standards), judged_runs(runs)
-    production = production[in_period[production]]
-    unit_runs = unit_runs[(in_period & runs.serials.isin(() if serial is None else (serial,)))[unit_runs]]
+    unit_runs = unit_runs[runs.serials.isin(() if serial is None else (serial,))[unit_runs]]
     for done, name in enumerate(names):
         of_product, config = runs.products.isin((name,)), limits.get(name)
         units = last_of_each_unit(runs, production[of_product[production]])
         unit_rows = unit_runs[of_product[unit_runs]]
-        chartable += len(units if serial is None else unit_rows)
-        parameters += _charts(runs, name, units, parameter, None if relative else config, relative=relative)
+        chartable += int(np.count_nonzero(in_period[units if serial is None else unit_rows]))
+        parameters += _charts(runs, name, units, parameter, None if relative else config, start, relative=relative)
         reference = None if config is None else _Reference.of(config, serial, runs.started[unit_rows])
-        single_unit += _charts(runs, name, unit_rows, parameter, None, relative=relative, reference=reference)
+        single_unit += _charts(runs, name, unit_rows, parameter, None, start, relative=relative, reference=reference)
         report(0.4 + 0.6 * (done + 1) / len(names))
     return QualitySummary(
         None if chosen is None else chosen.name, yields, tuple(parameters), serial, tuple(single_unit), chartable
@@ -297,11 +299,15 @@ def _charts(
     rows: IntArray,
     parameter: str | None,
     limits: ProductConfig | None,
+    start: float,
     *,
     relative: bool,
     reference: _Reference | None = None,
 ) -> Iterator[ParameterQuality]:
-    """Yield charts and capability of the parameters that have enough values, and charts of `common_scale`."""
+    """Yield charts and capability of the parameters that have enough values, and charts of `common_scale`.
+
+    They show the runs that started at `start` or later; the process is estimated from the first of all `rows`.
+    """
     names, started = tuple(map(runs.names.__getitem__, rows.tolist())), runs.started[rows]
     columns = {name: (values, runs.sigmas[name]) for name, values in runs.values.items()}
     if (common := common_scale(runs)) is not None:
@@ -315,8 +321,9 @@ def _charts(
         solved = ~np.isnan(values)
         if relative:
             solved &= sigmas > 0.0
-        values, sigmas, complete = values[solved], sigmas[solved], bool(solved.all())
-        if len(values) < MIN_VALUES or not np.ptp(values) > 0.0:
+        values, sigmas = values[solved], sigmas[solved]
+        first = int(np.searchsorted(started[solved], start))
+        if len(values) - first < MIN_VALUES or not np.ptp(values[first:]) > 0.0:
             continue  # too few values, or a fixed parameter
         declared = None if reference is None else reference.declared(name)
         effects, process = None, Process(0.0, 1.0)
@@ -332,11 +339,12 @@ def _charts(
         yield ParameterQuality.of(
             product,
             name,
-            names if complete else tuple(compress(names, solved)),
-            started if complete else started[solved],
-            values,
+            tuple(compress(names, solved))[first:],
+            started[solved][first:],
+            values[first:],
             process=process,
-            capability=None if interval is None else capability(values, *interval),
+            baseline=max(0, process.baseline - first),
+            capability=None if interval is None else capability(values[first:], *interval),
             declared=declared is not None,
             effects=effects,
         )

@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from calstation.physics import BoolArray, FloatArray
-from calstation.quality.runs import production_runs
+from calstation.quality.runs import partial_failures, production_runs
 from calstation.records import Categories, CheckId, RunColumns, Verdict
 
 #: Probability of the intervals.
@@ -74,6 +74,7 @@ class Yields:
     stations: Mapping[str, Share]
     operators: Mapping[str, Share]
     failed_checks: tuple[FailedCheck, ...]  #: The most frequent first (Pareto).
+    partial_failed: int = 0  #: Number of partial runs that failed, which nothing else includes.
 
 
 def count_yields(runs: RunColumns, since: float = -math.inf, excluded: Collection[str] = ()) -> Yields:
@@ -93,6 +94,7 @@ def count_yields(runs: RunColumns, since: float = -math.inf, excluded: Collectio
         _by(column.take(selected), passed[selected]) for column in (runs.products, runs.stations, runs.operators)
     )
     failed = selected[~passed[selected]]
+    partial = partial_failures(runs, excluded)
     return Yields(
         overall=_share(passed[selected]),
         units=_share(passed[last]),
@@ -102,6 +104,7 @@ def count_yields(runs: RunColumns, since: float = -math.inf, excluded: Collectio
         stations=stations,
         operators=operators,
         failed_checks=_pareto([runs.failed_checks[k] for k in failed.tolist()]),
+        partial_failed=int(np.count_nonzero(runs.started[partial] >= since)),
     )
 
 

@@ -409,6 +409,7 @@ class ShiftCount:
     passed: int = 0
     failed: int = 0
     mean_duration: float | None = None  #: Mean time of the table per unit, s; None without runs.
+    partial_failed: int = 0  #: Number of partial runs that failed, which are not among the counts.
 
     @property
     def done(self) -> int:
@@ -437,22 +438,24 @@ def count_shift(report: ProgressCallback, folder: Path, station: str, since: dat
     """Job: count the runs of a station in a folder that ended at `since` or later.
 
     A run that began before the shift counts in it; it ends after its time on the table. Partial, stopped and
-    faulty runs and runs of check standards are not counted; a resumed run is counted once. The units of a batch share
-    its duration.
+    faulty runs and runs of check standards are not counted, except partial runs that failed, on their own; a resumed
+    run is counted once. The units of a batch share its duration.
     """
     history = History(folder)
     history.refresh()
     conditions = RunFilter(station=station, since=f"{since.astimezone(UTC) - _LONGEST_RUN:%Y-%m-%dT%H:%M:%S}")
-    runs = [
+    judged = [
         run
         for run in history.runs(conditions, limit=None)
-        if run.verdict in (Verdict.PASSED, Verdict.FAILED) and not run.partial and not run.check_standard
+        if run.verdict in (Verdict.PASSED, Verdict.FAILED) and not run.check_standard
         if datetime.fromisoformat(run.started_utc) + timedelta(seconds=run.duration) >= since
     ]
+    runs = [run for run in judged if not run.partial]
+    partial_failed = sum(run.partial and run.verdict is Verdict.FAILED for run in judged)
     passed = sum(run.verdict is Verdict.PASSED for run in runs)
     on_table: dict[str, float] = {}  # the units of a batch share the table's time
     for run in runs:
         key = run.batch or run.log.name
         on_table[key] = max(run.duration, on_table.get(key, 0.0))
     mean = sum(on_table.values()) / len(runs) if runs else None
-    return ShiftCount(passed, len(runs) - passed, mean)
+    return ShiftCount(passed, len(runs) - passed, mean, partial_failed)

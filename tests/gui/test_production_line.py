@@ -269,6 +269,19 @@ def test_shift_counter_is_updated_while_idle_and_after_a_verdict(operator: Opera
     assert "完成 3" in label.text()
 
 
+def test_shift_counter_names_partial_runs_that_failed(operator: Operator) -> None:
+    label = operator.widget("shift_label", QLabel)
+    operator.until(lambda: label.text() == "Since 00:00  ·  0 done")
+    now = datetime.now(UTC)
+    write_result(operator.site_folder.runs, "SN-000001", "passed", now)
+    write_result(operator.site_folder.runs, "SN-000002", "failed", now, partial=True)
+    use_station(operator, ONE_STAGE)
+    operator.until(lambda: "yield 100.0 %" in label.text())
+    assert label.text().endswith("not counted: 1 partial FAIL")
+    operator.widget("language_combo").setCurrentIndex(1)
+    assert label.text().endswith("未计入：部分标定不合格 1")
+
+
 def test_shift_counter_restarts_with_a_new_shift(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
     label = operator.widget("shift_label", QLabel)
     operator.until(lambda: label.text())

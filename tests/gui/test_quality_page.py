@@ -251,7 +251,55 @@ def test_slow_changes_are_shown_by_ewma_or_cusum_charts(operator: Operator, page
     assert "EWMA, λ = 0.2, L = 3.06" in operator.says()
     choose(operator, "quality_slow_combo", 1)
     assert "CUSUM, k = 0.5 σ, h = 5.35 σ" in operator.says()
-    assert "individuals, ±3.13 σ, Nelson's rules; limits from the first 100 runs" in operator.says()
+    assert "individuals, ±3.13 σ, Nelson's rules; limits from the first 100 runs of any time" in operator.says()
+
+
+def test_control_limits_do_not_depend_on_the_time_shown(operator: Operator) -> None:
+    folder = operator.site_folder.runs
+    folder.mkdir(exist_ok=True)
+    for k in range(40):
+        bias = (-1) ** k * (0.1 if k < 20 else 1.0)
+        write_run(folder, f"SN-{k:06}", "passed", timedelta(days=45 - k), bias=bias, product="Navigation grade A")
+    operator.window.app.set_product(library.find("products", "nav_a"))
+    operator.window.show_page("quality_page")
+    page = operator.window.findChild(QualityPage, "quality_page")
+    operator.until(lambda: not page.busy and not page.control.empty)
+    before = page.control._charts["gyro_bias_x"]
+    period = operator.widget("quality_period_combo", QComboBox)
+    period.setFocus()
+    while period.currentData() != 30:
+        operator.qtbot.keyClick(period, Qt.Key.Key_Down)
+    operator.until(lambda: not page.busy and 20 < len(page.control.plots.data.parameter.names) < 30, 20)
+    after = page.control._charts["gyro_bias_x"]
+    assert after.process == before.process
+    assert after.names == before.names[-len(after.names) :]
+    assert after.baseline == len(after.names), "all runs belong to the baseline"
+    assert "limits from all 40 runs of any time" in operator.says()
+
+
+@pytest.mark.parametrize(
+    ("code", "counted"),
+    [
+        ("en", "1 complete run with PASS or FAIL, 1 partial run with FAIL not counted"),
+        ("zh_CN", "1次得出合格或不合格结论的完整标定，另有1次部分标定不合格未计入"),
+    ],
+)
+def test_partial_runs_that_failed_are_named_where_they_do_not_count(
+    operator: Operator, code: str, counted: str
+) -> None:
+    folder = operator.site_folder.runs
+    folder.mkdir(exist_ok=True)
+    ago = timedelta(seconds=1)
+    write_run(folder, "SN-000001", "passed", ago, product="Navigation grade A")
+    write_run(folder, "SN-000002", "failed", ago, bias=9.0, partial=True, product="Navigation grade A")
+    operator.window.app.set_product(library.find("products", "nav_a"))
+    language.use(code)
+    operator.window.show_page("quality_page")
+    page = operator.window.findChild(QualityPage, "quality_page")
+    operator.until(lambda: not page.busy and counted in operator.says())
+    click_tab(operator, "Yield" if code == "en" else "合格率")
+    assert counted in operator.says()
+    language.use("en")
 
 
 @pytest.mark.long

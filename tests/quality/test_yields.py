@@ -49,6 +49,7 @@ def counts(found: object) -> dict[str, tuple[int, int]]:
 def test_yield_includes_only_judged_full_runs() -> None:
     found = count_yields(columns(ROWS))
     assert (found.overall.passed, found.overall.count) == (3, 6)
+    assert found.partial_failed == 1
     assert (found.first_pass.passed, found.first_pass.count) == (2, 4)  # B and D, not A and C
     assert (found.units.passed, found.units.count) == (2, 4)  # A and D passed in their last runs, B and C did not
     assert counts(found.days) == {"2026-11-02": (2, 3), "2026-11-03": (0, 1), "2026-11-04": (1, 2)}

@@ -84,9 +84,9 @@ class ControlCharts(StackedPlots[ParameterCharts]):
             self._values(bottom, cusum.upper, cusum.signals_high)
             self._values(bottom, -cusum.lower, cusum.signals_low)
             slow = say("quality.cusum_limits", allowance=cusum.allowance, decision=cusum.decision)
-        if 0 < process.baseline < len(chart.values):
+        if 0 < data.parameter.baseline < len(chart.values):
             for plot in self.plots:
-                end = pg.InfiniteLine(process.baseline + 0.5, 90, pen=theme.pen(c.line, 1))
+                end = pg.InfiniteLine(data.parameter.baseline + 0.5, 90, pen=theme.pen(c.line, 1))
                 self.add(plot, end, scaled=False)
         if self._marked_run is not None:
             for plot in self.plots:

@@ -31,7 +31,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.messages import Text
-from calstation.quality import MIN_VALUES, QualitySummary, StationQuality, station_quality, summarise_quality
+from calstation.quality import MIN_VALUES, QualitySummary, StationQuality, Yields, station_quality, summarise_quality
 from calstation.records import RunFilter
 from calstation.results import History, refresh_history
 from calstation.sequencer import Event, Finalized
@@ -232,8 +232,7 @@ class QualityPage(Page):
             about = "longer" if code == "few_runs" and self.period.currentData() is not None else "about"
             self._empty.say(Text.of(f"chart.{code}", **values), Text.of(f"chart.{code}_{about}", **values))
         self._stack.setCurrentWidget(view if visible else self._empty)
-        overall = None if summary is None else summary.yields.overall
-        self.count_label.setText("" if overall is None else say("chart.judged_runs", count=overall.count))
+        self.count_label.setText("" if summary is None else _count_text(summary.yields))
 
     def _open_run(self, name: str) -> None:
         """Open the result of a run, which is read from the shared database for a run of another station."""
@@ -249,3 +248,11 @@ class QualityPage(Page):
         self.scale.setItemData(1, say("quality.about_deviations"), Qt.ItemDataRole.ToolTipRole)
         self._offer_products(self.product.currentData() or self.app.product_path)
         self._show_view()
+
+
+def _count_text(yields: Yields) -> str:
+    """Return the number of runs of the statistics, and of partial runs that failed, which they do not include."""
+    count = 0 if yields.overall is None else yields.overall.count
+    if yields.partial_failed:
+        return say("chart.judged_and_partial", count=count, partial=yields.partial_failed)
+    return say("chart.judged_runs", count=count) if count else ""

@@ -72,4 +72,6 @@ class ShiftCounter(PlainLabel):
                 say("operator.yield", percent=100 * count.passed_share),
                 say("operator.per_unit", time=duration_text(count.mean_duration)),
             ]
+        if count is not None and count.partial_failed:
+            parts.append(say("operator.partial_failed", count=count.partial_failed))
         show_text(self, "  ·  ".join(parts))
