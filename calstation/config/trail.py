@@ -65,7 +65,8 @@ def read_trail_copy(path: Path) -> SiteTrail:
 def _verification(path: Path, trail: AuditTrail, faults: Sequence[Text]) -> tuple[Text, ...]:
     """Return what the verification of an audit trail has found."""
     if faults:
-        state = tuple(faults)
+        later = sum(number > trail.damage.number for number in trail.numbers) if trail.damage else 0
+        state = (*faults, *([Text.of("audit.unverified", lines=later)] if later else []))
     elif not path.exists():
         state = (Text.of("audit.none", file=path),)
     else:

@@ -155,7 +155,7 @@ def verify_trail(folder: Path, *, every_signature: bool = False) -> TrailState:
     has_key = key is not None or error is not None
     if not trail.digests and (has_key or stored is not None):
         faults.append(Text.of("audit.removed", file=path))
-    elif recorded is None and (has_key or stored is not None):
+    elif recorded is None and trail.damage is None and (has_key or stored is not None):
         faults.append(Text.of("audit.key_not_recorded", file=path))
     elif recorded is not None and not interrupted:
         if not has_key:

@@ -208,6 +208,28 @@ def test_notice_about_a_run_does_not_stay_above_the_audit_trail(
     assert not page.notice.isVisible()
 
 
+@pytest.mark.parametrize(
+    ("code", "changed", "later", "wrong"),
+    [
+        ("en", "was changed at line 1", "not proved by the chain: 2.", "no signed line"),
+        ("zh_CN", "第 1 行被改动", "未经链验证的行：2 行。", "没有签名行"),
+    ],
+)
+def test_lines_after_a_changed_first_line_are_listed_as_unverified(
+    page: HistoryPage, trail: Path, qtbot: QtBot, code: str, changed: str, later: str, wrong: str
+) -> None:
+    trail.write_text(trail.read_text("utf-8").replace("Li Na", "Li Nu", 1), "utf-8")
+    language.use(code)
+    table = open_trail(page, qtbot)
+    state = page.audit.findChild(QLabel, "audit_state_label")
+    assert changed in state.text()
+    assert later in state.text()
+    assert wrong not in state.text()
+    assert len(events(table)) == 2
+    assert button(page, "audit_export_button").isEnabled()
+    language.use("en")
+
+
 @pytest.mark.parametrize(("code", "words"), [("en", "is missing, although"), ("zh_CN", "缺失")])
 def test_a_pin_or_a_version_without_the_trail_of_its_event_is_a_fault(
     page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot, code: str, words: str
