@@ -185,7 +185,21 @@ def test_engine_that_dies_leaves_the_chamber_unknown(thermal: ThermalRun) -> Non
     assert "look at its display before you open it" in thermal.notice.text_label.text()
     thermal.operator.press("acknowledge_button")
     assert thermal.notice.isVisible(), "it is not part of the fault"
+    page, start = thermal.operator.window.operator_page, thermal.operator.widget("start_button", QPushButton)
+    for language, why in (
+        ("en", "Look at the chamber, then press Understood."),
+        ("zh_CN", "请先查看温箱，再按“知道了”。"),
+    ):
+        thermal.app.set_language(language)
+        assert page._views.currentWidget() is page._unconfirmed, "no unit is loaded yet"
+        assert not start.isEnabled()
+        assert start.toolTip() == why
+    thermal.app.set_language("en")
+    page._starting.start()
+    assert not thermal.app.engine_link.running
     thermal.operator.press("operator_page_chamber_notice_close")
+    assert page._views.currentWidget() is page._loading
+    assert start.isEnabled()
     thermal.operator.until(lambda: not thermal.notice.isVisible())
     assert run_badge(thermal.operator.run)[0] != "caution"
 

@@ -86,7 +86,9 @@ class OperatorPage(Page):
         #: Whether the verdict on one of several units is displayed.
         self._unit_opened = False
         self._unusable = EmptyState(title="operator.unusable", text="operator.about_unusable")
-        self._views = stack(self._unusable, self._loading, self._slots, self._live, self._verdicts, self._verdict)
+        self._unconfirmed = EmptyState(title="operator.chamber_unknown", text="operator.chamber_unconfirmed")
+        waiting = (self._unusable, self._unconfirmed)
+        self._views = stack(*waiting, self._loading, self._slots, self._live, self._verdicts, self._verdict)
         self._progress = progress_bar(theme.GRID, "run_progress")
         self._message, self._badge = label(name="message_label", wrap=True), StateBadge(theme.SECTION)
         self._message.setFont(theme.font(theme.SECTION))
@@ -170,6 +172,7 @@ class OperatorPage(Page):
         app.engine_link.running_changed.connect(self._running_changed)
         app.run.changed.connect(self._refresh)
         app.run.stop_pressed.connect(self._stop_pressed)
+        app.run.chamber_acknowledged.connect(self._offer_after_fault)
         app.station_changed.connect(self._change_station)
         app.product_changed.connect(self._show_product)
         app.choice_changed.connect(self._plan)
@@ -307,9 +310,9 @@ class OperatorPage(Page):
         self._offer_after_fault()
 
     def _offer_after_fault(self) -> None:
-        """Offer what remains to do after a fault; the engine may bring the chamber to ambient before."""
+        """Offer what remains to do after a fault, once its chamber is at ambient or has been looked at."""
         run, request = self.app.run, self.app.engine_link.request
-        if not self._fault_read or self.app.engine_link.running:
+        if not self._fault_read or self.app.engine_link.running or run.chamber.must_stay_closed:
             return
         self._fault_read = False
         interrupted = next((unit for unit in run.units if unit.transfer is not None), None)
@@ -399,6 +402,7 @@ class OperatorPage(Page):
             slots = self._starting.slots
             missing = say("operator.no_unit") if slots and not slots.units and not header.serial else ""
             missing = say("operator.sign_in") if header.badge_field.required else missing
+            missing = say("operator.chamber_unconfirmed") if run.chamber.must_stay_closed else missing
             header.set_start(say("operator.fault_open") if run.fault is not None else why_busy or missing)
         self._progress.setValue(round(STEPS * run.fraction) if run.state != "idle" else 0)
         if run.in_progress and self.notice.asking:
@@ -429,6 +433,7 @@ class OperatorPage(Page):
         returning = run.chamber.access == "closed" and self.app.engine_link.running
         if run.state == "idle" and not returning:
             loading = self._slots if self._starting.slots else self._loading
+            loading = self._unconfirmed if run.chamber.must_stay_closed else loading
             self._views.setCurrentWidget(self._unusable if self._problem is not None else loading)
         elif run.fault is None and (returning or not run.finalized) and self.app.engine_link.running:
             self._views.setCurrentWidget(self._live)

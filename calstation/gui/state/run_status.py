@@ -60,6 +60,7 @@ class RunStatus(QObject):
     changed = Signal()  #: Emitted shortly after a change, once for several events.
     stop_pressed = Signal()  #: Emitted whenever STOP is pressed, in any state.
     unit_changed = Signal()  #: Emitted when another unit is selected.
+    chamber_acknowledged = Signal()  #: Emitted when the notice about the chamber after a run has been closed.
 
     def __init__(self, link: EngineLink, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -307,6 +308,7 @@ class RunStatus(QObject):
         """Remove the notice about the chamber after a run."""
         self.chamber.acknowledge()
         self.changed.emit()
+        self.chamber_acknowledged.emit()
 
     @property
     def why_busy(self) -> str:
