@@ -48,6 +48,8 @@ TRANSFER = "transfer"
 #: Messages that start and end the transfer.
 _TRANSFER_STARTS = ("registers_reading", "registers_transfer", "registers_writing")
 _TRANSFER_ENDS = ("registers_written", "registers_proved", "registers_read_back")
+#: Least fraction left from which the planned duration of a stage is calculated, because of rounding.
+_LEAST_LEFT = 1e-6
 #: Tolerance for the durations of stages, s.
 _TOLERANCE = 0.1
 #: Fraction of the transfer per move of the verification, which has 17 moves or, with repetitions, more.
@@ -75,16 +77,15 @@ class StageState:
         self.fraction, self.remaining, self.earlier = 0.0, self.duration, 0.0
 
     def progress(self, fraction: float, remaining: float) -> None:
-        """Adopt the progress within the planned duration.
+        """Adopt the progress within the duration that is planned now.
 
-        The duration is extended if the targets have not been reached, and starts again with every round of an
-        open-ended stage.
+        The duration changes with the time that soaks are expected to take, is extended if the targets have not been
+        reached, and starts again with every round of an open-ended stage.
         """
-        done, before = fraction * self.duration, self.fraction * self.duration
-        planned = remaining / (1.0 - fraction) if fraction < 1.0 else self.duration
-        if planned > self.duration + _TOLERANCE:
-            self.duration = planned
-        elif done < before - _TOLERANCE:
+        before = self.fraction * self.duration
+        if 1.0 - fraction > _LEAST_LEFT:
+            self.duration = remaining / (1.0 - fraction)
+        if fraction * self.duration < before - _TOLERANCE:
             self.earlier += before
         self.fraction, self.remaining = fraction, remaining
 
