@@ -64,6 +64,11 @@ class RunSummary:
         """Whether the station is a virtual bench."""
         return self.bench is not None
 
+    @property
+    def faster(self) -> bool:
+        """Whether the station is a virtual bench that is faster than hardware."""
+        return self.bench is not None and self.bench.get("speed", 0.0) != 1.0
+
 
 def run_summary(request: RunRequest) -> RunSummary:
     """Summarise a requested run, which need not name a serial number. Raises ConfigurationError."""

@@ -152,7 +152,7 @@ class StageList(QFrame):
         if planning and stages:
             total = duration_text(sum(stage.duration for stage in stages))
             time = say("operator.time_in_all", time=total)
-            if self._next_run is not None and self._next_run.virtual:
+            if self._next_run is not None and self._next_run.faster:
                 note = say("operator.table_times")
         elif (remaining := self._run.remaining) is not None:
             time = say("common.time_left", time=duration_text(remaining))
