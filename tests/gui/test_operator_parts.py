@@ -1,5 +1,6 @@
 """Translations, advice, plots and labels of the operator page, without a window."""
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -10,13 +11,14 @@ from pytestqt.qtbot import QtBot
 
 from calstation.gui.operator import advice
 from calstation.gui.operator.live.convergence import Convergence
+from calstation.gui.operator.live.table_panel import TablePanel
 from calstation.gui.operator.live.traces import Traces
 from calstation.gui.operator.starting import suggested_serial
 from calstation.gui.state import UnitStatus
 from calstation.gui.text import language
 from calstation.gui.widgets import NumberAxis, spread, theme
 from calstation.runs import RunSummary
-from calstation.sequencer import Message, Trace
+from calstation.sequencer import Message, TableMoved, Trace
 from tests.check_rows import check_row
 from tests.gui.conftest import result_with
 from tests.gui.plot_mouse import double_click, pixel, turn_wheel
@@ -127,6 +129,34 @@ def test_empty_traces_have_no_numbers(qtbot: QtBot) -> None:
     traces.add(Trace((0.0, 1.0), (0.5,) * 12))
     traces._draw()
     assert all(axis.style["showValues"] for axis in axes)
+
+
+@pytest.mark.parametrize(
+    ("name", "unread", "no_data"),
+    [("en", "no new reading", "no new data"), ("zh_CN", "没有新读数", "没有新数据")],
+)
+def test_old_readings_are_not_shown_as_live(qtbot: QtBot, name: str, unread: str, no_data: str) -> None:
+    table, traces = TablePanel(), Traces()
+    axis = traces._accel.plot.getAxis("bottom")
+    try:
+        language.use(name)
+        for widget in (table, traces):
+            qtbot.addWidget(widget)
+            widget.show()
+            widget._current.setInterval(20)
+        moving = TableMoved(0.0, 0.0, 0.0, 0.0, moving=True)
+        traces.start()
+        for _ in range(2):
+            table.show_motion(moving)
+            traces.add(Trace((0.0, 1.0), (0.5,) * 12))
+            assert unread not in table.badge.text()
+            assert no_data not in axis.labelText
+            qtbot.waitUntil(lambda: unread in table.badge.text() and no_data in axis.labelText)
+        table.show_motion(replace(moving, moving=False))
+        qtbot.wait(40)
+        assert unread not in table.badge.text()
+    finally:
+        language.use("en")
 
 
 @pytest.mark.parametrize(("low", "high"), [(-11.0, 11.0), (-105.0, 105.0), (-1.0, 10.5)])

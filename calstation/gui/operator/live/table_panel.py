@@ -1,9 +1,10 @@
 """Panel with a drawing of the table or gimbal, its joint angles and rates, and whether it moves."""
 
 import numpy as np
-from PySide6.QtCore import Qt
+from PySide6.QtCore import Qt, QTimer
 from PySide6.QtWidgets import QFrame
 
+from calstation.gui.operator.live.traces import CURRENT_MS
 from calstation.gui.text import on_language_change, say, with_minus
 from calstation.gui.widgets import (
     PANEL,
@@ -128,6 +129,9 @@ class TablePanel(QFrame):
         self.setProperty("kind", "panel")
         self.picture, self.badge = TablePicture(), StateBadge()
         self._moved: TableMoved | JointsMoved | None = None
+        #: Runs while the last reading is current.
+        self._current = QTimer(self, singleShot=True, interval=CURRENT_MS)
+        self._current.timeout.connect(self._show_state)
         self._order = ""
         self._names = [label(), label(), label()]
         self.angle_labels = [PlainLabel(), PlainLabel(), PlainLabel()]
@@ -153,6 +157,7 @@ class TablePanel(QFrame):
     def show_motion(self, moved: TableMoved | JointsMoved) -> None:
         """Show the joint angles and rates of an event."""
         self._moved = moved
+        self._current.start()
         if isinstance(moved, JointsMoved):
             self.picture.set_joints(self._order, moved.joints, known=True)
             angles, rates = moved.joints, moved.rates
@@ -185,6 +190,8 @@ class TablePanel(QFrame):
         rig = "gimbal" if self._order else "table"
         if self._moved is None:
             self.badge.show_state("none", say(f"operator.{rig}_not_connected"))
+        elif self._moved.moving and not self._current.isActive():
+            self.badge.show_state("none", say(f"operator.{rig}_not_read"))
         elif self._moved.moving:
             self.badge.show_state("active", say(f"operator.{rig}_moving"))
         else:

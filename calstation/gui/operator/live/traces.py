@@ -1,14 +1,12 @@
 """Live plots of the gyro and accelerometer output, which can be frozen and zoomed during a run."""
 
-from functools import partial
-
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QTimer
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QButtonGroup, QFrame, QWidget
 
-from calstation.gui.text import bind
+from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import LineLabel, LineLabels, ThemedPlot, button, column, label, row, theme
 from calstation.physics import DEGREE, FloatArray
 from calstation.sequencer import Trace
@@ -17,6 +15,8 @@ from calstation.sequencer import Trace
 _SPANS = (10.0, 60.0, 600.0)
 #: Approximate number of points per line, and maximum number of stored rows (about a quarter of an hour).
 _POINTS, _MAX_ROWS = 2000, 16_384
+#: Time without new data after which the display says so, ms.
+CURRENT_MS = 2000
 
 
 class _Plot(QWidget):
@@ -99,7 +99,10 @@ class Traces(QFrame):
         row((plots, 1), buttons, on=self, margins=(theme.GRID,) * 4)
         self._timer = QTimer(self, interval=33)
         self._timer.timeout.connect(self._draw)
-        bind(partial(self._accel.plot.setLabel, "bottom"), "operator.axis_before_now")
+        #: Runs while the last rows are current.
+        self._current = QTimer(self, singleShot=True, interval=CURRENT_MS)
+        self._current.timeout.connect(self._show_axis)
+        on_language_change(self, self._show_axis)
         self._show_rows()
 
     def add(self, trace: Trace) -> None:
@@ -108,6 +111,10 @@ class Traces(QFrame):
         rows = np.column_stack((times, np.array(trace.output).reshape(len(times), 6)))
         self.rows = np.concatenate((self.rows, rows))[-_MAX_ROWS:]
         self._new_rows = True
+        was_current = self._current.isActive()
+        self._current.start()
+        if not was_current:
+            self._show_axis()
 
     def start(self) -> None:
         """Clear the plots and start drawing for a new run."""
@@ -119,11 +126,18 @@ class Traces(QFrame):
         """Clear the plots for another unit."""
         self.rows = np.empty((0, 7))
         self._new_rows = True
+        self._show_axis()
 
     def stop(self) -> None:
         """Stop drawing at the end of a run; the lines remain visible."""
         self._draw()
         self._timer.stop()
+        self._show_axis()
+
+    def _show_axis(self) -> None:
+        """Name the axis of time, which ends at the last sample if there are no new ones."""
+        old = self._timer.isActive() and len(self.rows) and not self._current.isActive()
+        self._accel.plot.setLabel("bottom", say("operator.axis_no_data" if old else "operator.axis_before_now"))
 
     def _choose_span(self) -> None:
         self.hold_button.setChecked(False)
