@@ -271,8 +271,8 @@ class RunDriver:
     def _stop_safely(self) -> None:
         """Bring the table to rest, switch its axes off, and send the chamber to ambient."""
         self.tags.stage, self.tags.valid = "", False
-        failures = safe_stop(self._context.table, self._context.clock)
-        if self._has_begun and not failures:
+        unstopped, failures = safe_stop(self._context.table, self._context.clock), list[Text]()
+        if self._has_begun and not unstopped:
             with suppress(CalstationError):  # this is only displayed
                 self.control_loop.show_stopped()
         if self._has_begun and self.control_loop.chamber is not None:
@@ -287,6 +287,7 @@ class RunDriver:
                 unit.acquisition.drain()
             except CalstationError as error:  # the error is one of the unit, or of the log, which is flushed
                 failures.append(reason_of(error))
+        self._report_failures(unstopped, of_table=self._has_begun)
         self._report_failures(failures)
 
     def _return_chamber(self) -> None:
@@ -305,9 +306,10 @@ class RunDriver:
 
         self._report_failures(chamber.wait_until_safe(self.units.temperatures, tick))
 
-    def _report_failures(self, failures: Iterable[Text]) -> None:
+    def _report_failures(self, failures: Iterable[Text], *, of_table: bool = False) -> None:
         for failure in failures:
-            self._context.emit(Message("safe_stop_incomplete", {"text": failure}))
+            values = {"text": failure} | ({"table": True} if of_table else {})
+            self._context.emit(Message("safe_stop_incomplete", values))
 
 
 def _gyro_range(unit: Unit) -> float:

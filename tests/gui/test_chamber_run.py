@@ -102,6 +102,47 @@ def test_time_left_is_that_of_the_soak_at_the_pace_of_the_station(
     assert thermal.panel.values[4].text() == "1:15"
 
 
+def test_progress_follows_the_duration_that_is_expected_now(thermal: ThermalRun) -> None:
+    run = thermal.app.run
+    stage = next(stage for stage in run.stages if stage.name == "temperature")
+    thermal.emit(StageProgress("temperature", 0.0021, 17719.0))
+    assert run.elapsed == pytest.approx(0.0021 * 17719.0 / 0.9979)
+    assert run.fraction == pytest.approx(run.elapsed / sum(each.duration for each in run.stages))
+    before = run.elapsed
+    thermal.emit(StageProgress("temperature", 0.004, 16500.0))
+    assert before < run.elapsed < 100.0
+    assert run.stage_remaining(stage) == 16500.0
+
+
+def test_window_names_the_chamber_when_it_closes(thermal: ThermalRun) -> None:
+    operator, window = thermal.operator, thermal.operator.window
+    thermal.emit(SOAK)
+    for language, text in (
+        ("en", "The chamber, at −39.6 °C, must stay closed until it is back at the temperature of the room."),
+        ("zh_CN", "温箱现为 −39.6 °C，回到室温之前请勿打开。"),
+    ):
+        thermal.app.set_language(language)
+        window.close()
+        assert text in operator.says()
+    thermal.app.set_language("en")
+    operator.press("close_choice")
+    thermal.emit(StateChanged("stopping", "running"), Message("chamber_to_ambient", RETURNING))
+    assert "Keep the chamber closed until this window has closed" in operator.says()
+    thermal.emit(replace(SOAK, limit=None, rates={}, air_c=30.0, units={"": 24.0}, target_c=23.0))
+    operator.until(
+        lambda: "Wait until the air is at the temperature of the room (23 °C, now 30.0 °C)" in operator.says()
+    )
+    thermal.app.set_language("zh_CN")
+    assert "请等空气回到室温（23 °C，现为 30.0 °C）" in operator.says()
+    thermal.emit(Message("chamber_unknown", RETURNING))
+    thermal.emit(Finalized(Verdict.STOPPED, "log.h5", "result.json", {**RESULT, "outcome": "stopped"}))
+    thermal.set_running(running=False)
+    assert window.isVisible(), "nothing else says that the temperature of the chamber is not known"
+    operator.press("operator_page_chamber_notice_close")
+    window.close()
+    assert not window.isVisible()
+
+
 def test_run_at_one_temperature_shows_no_chamber(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
     link = operator.window.app.engine_link
     link.request = RunRequest(SERIAL, operator.window.app.station_path, operator.window.app.product_path)

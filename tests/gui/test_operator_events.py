@@ -11,7 +11,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QListWidget, QPushButton
 
 from calstation.config import RunRequest, library
-from calstation.errors import InputError
+from calstation.errors import DeviceFaultError, InputError
 from calstation.gui.state import RunStrip
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.widgets import theme
@@ -21,7 +21,7 @@ from calstation.records import Verdict
 from calstation.results import Delivery, History
 from calstation.runs import finish_incomplete
 from calstation.runs.incomplete import StartupRecovery
-from calstation.sequencer import Finalized, StageProgress, StageSolved, StageStarted, StateChanged
+from calstation.sequencer import Fault, Finalized, Message, StageProgress, StageSolved, StageStarted, StateChanged
 from tests.check_rows import check_row
 from tests.gui.conftest import RESULT, SERIAL, Operator
 from tests.gui.test_history_page import write_dead_log
@@ -451,6 +451,62 @@ def test_question_before_closing_is_not_mistaken_for_resuming(
         simulated_run.qtbot.keyClick(keep_open, Qt.Key.Key_Space)
         assert window.focusWidget() is window.operator_page  # not the tabs, which the arrow keys would change
         assert simulated_run.run.state == "paused"
+
+
+@pytest.mark.parametrize("language", ["en", "zh_CN"])
+def test_question_before_closing_promises_to_resume_only_what_can_be_resumed(
+    simulated_run: Operator, monkeypatch: pytest.MonkeyPatch, language: str
+) -> None:
+    window, event = simulated_run.window, simulated_run.window.app.engine_link.event
+    resumed = "the run can be resumed later" if language == "en" else "以后可以接着做"
+    monkeypatch.setattr(EngineLink, "running", True)
+    window.app.set_language(language)
+
+    def question() -> str:
+        window.close()
+        return simulated_run.says()
+
+    event.emit(StateChanged("preparing", "idle"))
+    preparing = question()
+    assert resumed not in preparing
+    assert ("A calibration is being prepared" if language == "en" else "正在准备标定") in preparing
+    event.emit(StateChanged("running", "preparing"))
+    event.emit(StageStarted("six_position", 0, 2, 100.0))
+    first = question()
+    assert resumed not in first
+    assert ("starts again from the first stage" if language == "en" else "已做的会丢失，须从头再来") in first
+    simulated_run.run.unit.slot = "1"
+    event.emit(StageSolved("six_position", {}, {"passed": True}))
+    assert resumed not in question(), "runs in slots are not resumed"
+    simulated_run.run.unit.slot = ""
+    event.emit(StageSolved("six_position", {}, {"passed": True}))
+    assert resumed in question()
+    simulated_run.press("stop_button")
+    assert resumed not in simulated_run.says(), "the run is stopped, so nothing is asked about it"
+
+
+@pytest.mark.parametrize("language", ["en", "zh_CN"])
+def test_safe_stop_that_failed_leads_the_advice(simulated_run: Operator, language: str) -> None:
+    link, panel = simulated_run.window.app.engine_link, simulated_run.window.operator_page._verdict
+    simulated_run.window.app.set_language(language)
+    link.event.emit(StateChanged("running", "preparing"))
+    failure = {"text": Text.of("os.other", words="no answer"), "table": True}
+    link.event.emit(Message("safe_stop_incomplete", failure))
+    link.event.emit(StateChanged("fault", "running"))
+    link.event.emit(Fault.of(DeviceFaultError("motion.switched_off")))
+    end_run(simulated_run, "fault")
+    assert ("emergency stop" if language == "en" else "急停") in panel.action_label.text()
+    cause = simulated_run.message
+    simulated_run.press("stop_button")
+    assert simulated_run.message == cause
+
+
+def test_times_on_hardware_are_named_only_where_the_bench_is_faster(operator: Operator) -> None:
+    note = operator.window.operator_page._stages._note
+    for station, product, faster in (("virtual_pair", "mems_hand", False), ("virtual_chamber", "mems_c_thermal", True)):
+        operator.window.app.set_station(library.find("stations", station))
+        operator.window.app.set_product(library.find("products", product))
+        assert ("virtual bench" in note.text()) is faster, station
 
 
 def test_ready_is_not_shown_while_station_and_product_are_incompatible(operator: Operator) -> None:

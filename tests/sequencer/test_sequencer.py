@@ -257,6 +257,8 @@ def test_table_failure_is_a_fault_with_a_safe_stop(attribute: str, value: object
     assert ended.state is State.FAULT
     assert code(ended) == expected
     assert scene.events_of(Fault)[0].exit_code == 3
+    incomplete = [m for m in scene.events_of(Message) if m.id == "safe_stop_incomplete" and m.values.get("table")]
+    assert bool(incomplete) == (attribute == "dead")
     if attribute != "dead":
         assert scene.table.commands[-2:] == ["stop", "disable"]
 

@@ -29,7 +29,7 @@ from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
 from calstation.gui.operator.units import SlotsPanel, VerdictGrid
 from calstation.gui.operator.verdict import VerdictPanel
-from calstation.gui.state import AppContext, EventLog, ExchangeLabel, Page, chamber_reason, run_badge
+from calstation.gui.state import TRANSFER, AppContext, EventLog, ExchangeLabel, Page, chamber_reason, run_badge
 from calstation.gui.text import (
     fault_text,
     offered_products,
@@ -325,7 +325,10 @@ class OperatorPage(Page):
 
     def _stop_pressed(self) -> None:
         run = self.app.run
-        if not run.in_progress and run.monitoring is None and not self._problem:
+        if self.closing.asking:  # it asks about a run that is stopped now
+            self.closing.dismiss()
+        unsafe = run.fault is not None or run.stop_incomplete or run.chamber.must_stay_closed
+        if not (run.in_progress or unsafe) and run.monitoring is None and not self._problem:
             self.notice.dismiss()
             self._message.setText(say("operator.nothing_running"))
 
@@ -378,12 +381,22 @@ class OperatorPage(Page):
         def stop() -> None:
             stop_and_close()
             if self.app.engine_link.running:
-                ask(self.closing, "stopped", Text.of("question.closing"), {"close_now": close_now})
+                code = "question.closing" if self.app.run.chamber.latest is None else "question.closing_chamber"
+                ask(self.closing, "stopped", Text(code), {"close_now": close_now})
 
-        run = self.app.run
-        paused = "pause" if run.state in ("pausing", "paused") else "run"
-        question = Text.of(f"question.close_during_{'writing' if run.register_operation else paused}")
-        ask(self.closing, "caution", question, {"close": stop, "keep_open": self.setFocus}, primary="keep_open")
+        answers = {"close": stop, "keep_open": self.setFocus}
+        ask(self.closing, "caution", self._close_question(), answers, primary="keep_open")
+
+    def _close_question(self) -> Text:
+        """Return what the window would interrupt by closing, and what is lost."""
+        run, latest = self.app.run, self.app.run.chamber.latest
+        state = {"starting": "preparing", "pausing": "pause", "paused": "pause", "stopping": "end"}.get(run.state)
+        state = state or (run.state if run.state == "preparing" else "run" if run.in_progress else "end")
+        if run.register_operation or (run.stage is not None and run.stage.name == TRANSFER):
+            state = "writing"
+        later = "resumed" if run.resumable else "again" if state == "preparing" else "lost"
+        chamber = "" if latest is None else Text.of("window.close_chamber", air=latest.air_c)
+        return Text.of(f"question.close_during_{state}", later=Text(f"window.close_{later}"), chamber=chamber)
 
     # ---- status of the run
 

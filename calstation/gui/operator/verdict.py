@@ -202,9 +202,11 @@ class VerdictPanel(QFrame):
         fault, result = self._current_fault, self._run.unit.result
         if result is not None and result.released:
             return say("advice.released")
+        reset = self.reset.result is not None and self.reset.result.clear
+        if self._run.stop_incomplete and not reset:
+            return say("advice.stop_incomplete")
         if fault is None:
             return advice.next_action(self._display_state, result)
-        reset = self.reset.result is not None and self.reset.result.clear
         return say("advice.after_reset") if reset else self._fault_text(fault).remedy
 
     @property

@@ -310,12 +310,18 @@ class MainWindow(QMainWindow):
         self._running_changed(self.app.engine_link.running)
 
     def _close_now(self) -> None:
-        self._closing = True
         self.app.engine_link.stop_listening()
+        self._closing = True
+        if self.isVisible():
+            self.close()
 
     def _running_changed(self, running: bool) -> None:
         self.create_engineer_page()
-        if self._closing and not running:
+        if running or not self._closing:
+            return
+        if self.app.run.chamber.must_stay_closed:  # nothing else says that its temperature is not known
+            self._closing = False
+        else:
             self.close()
 
     def _corner(self) -> QWidget:

@@ -46,7 +46,8 @@ def chamber_reason(run: RunStatus) -> str:
     if latest.door_open:
         return say("operator.chamber_door_open")
     if farthest is None:
-        return say("operator.chamber_within", low=low, high=high)
+        code = "operator.chamber_within" if latest.units else "operator.chamber_blind"
+        return say(code, target=latest.target_c, air=latest.air_c)
     slot, value, distance = farthest
     values = {"what": thing_text(slot), "value": value, "difference": abs(distance)}
     if distance < 0.0:

@@ -11,7 +11,7 @@ from calstation.gui.state.chamber_status import ChamberStatus
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.state.unit_status import TRANSFER, StageState, UnitStatus
 from calstation.messages import Text
-from calstation.records import Verdict
+from calstation.records import Verdict, can_be_resumed
 from calstation.runs import RunSummary, run_summary
 from calstation.sequencer import (
     ChamberChanged,
@@ -83,6 +83,10 @@ class RunStatus(QObject):
         self.unit = self.units[0]
         #: Latest message ("message", id, values) or step ("step", kind, label); a dwell has the label of its move.
         self.latest: tuple[str, str, Any] | None = None
+        #: Whether a run that ends early now can be resumed after a stage or temperature that need not be repeated.
+        self.resumable = False
+        #: Whether a command of the safe stop of the table failed, so that the table may still move.
+        self.stop_incomplete = False
         #: State of the chamber of a run over temperature.
         self.chamber = ChamberStatus()
         #: Name of the stage that the operator has ended early; kept until the next run.
@@ -329,6 +333,7 @@ class RunStatus(QObject):
             self.state, self.commanded = "starting", False
             self.register_operation = self._link.operation is not None
             self.fault = self.latest = None
+            self.stop_incomplete, self.resumable = False, request.resume is not None
             self.chamber = ChamberStatus()
             self.stage_ending = ""
             self._started_at = self._done_before = 0.0
@@ -365,6 +370,10 @@ class RunStatus(QObject):
             self.chamber.resume()
             self._changed_timer.start()
         self.chamber.handle_event(event)
+        if not self.in_slots and can_be_resumed([{"event": type(event).__name__}]):
+            self.resumable = True
+        if isinstance(event, Message) and event.id == "safe_stop_incomplete" and event.values.get("table"):
+            self.stop_incomplete = True
         if isinstance(event, ChamberChanged) and self.chamber.must_stay_closed:
             self._changed_timer.start()
         if not isinstance(event, _STATUS_EVENTS):

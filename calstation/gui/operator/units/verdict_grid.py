@@ -148,6 +148,8 @@ class VerdictGrid(QFrame):
 
     def next_action(self) -> str:
         """Return the operator's next action."""
+        if self._run.stop_incomplete:
+            return say("advice.stop_incomplete")
         if any(unit.unfinished for unit in self._run.units):  # also after a fault of the table that was read
             return say("advice.same_units")
         return say("advice.mixed_units" if self._failed else "advice.next_units")
