@@ -13,7 +13,7 @@ from calstation.gui.text import language, say
 from calstation.records import LogMeta, RawLogWriter, RunFilter
 from calstation.results import History
 from tests.gui import test_history_page as base
-from tests.gui.test_history_lists import choose
+from tests.gui.test_history_lists import choose, combo
 from tests.gui.test_history_page import META, NOW, WAIT, button, listed_runs, rows, select_row, write_run
 
 pytestmark = pytest.mark.timeout(120)
@@ -118,3 +118,20 @@ def test_run_without_files_counts_nowhere(folder: Path) -> None:
     assert not history.passed_units()
     assert history.attempts("SN-000001") == 0
     assert not history.columns().names
+
+
+@pytest.mark.parametrize(
+    ("code", "heading", "every", "unit"),
+    [("en", "Product", "Every product", "This unit's runs"), ("zh_CN", "产品型号", "全部产品型号", "该产品历次标定")],
+)
+def test_words_of_unit_and_product_differ(
+    page: HistoryPage, folder: Path, qtbot: QtBot, code: str, heading: str, every: str, unit: str
+) -> None:
+    write_run(folder, "SN-000001", "passed", timedelta(hours=1))
+    language.use(code)
+    listed_runs(page, qtbot)
+    model = page.table.model()
+    headings = [model.headerData(k, Qt.Orientation.Horizontal) for k in range(model.columnCount())]
+    assert heading in headings
+    assert combo(page, "product").itemText(0) == every
+    assert say("history.runs_of_this_unit") == unit

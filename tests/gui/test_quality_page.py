@@ -243,7 +243,7 @@ def test_missing_standards_and_instruments_are_explained_beside_the_geometry(
     for table in (page.standards.standards, page.standards.runs, page.standards.instruments, page.standards.power):
         assert not table.isVisible()
     language.use("zh_CN")
-    assert "该产品没有标准件" in operator.says()
+    assert "该产品型号没有标准件" in operator.says()
 
 
 @pytest.mark.long

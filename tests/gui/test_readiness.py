@@ -101,7 +101,7 @@ def test_slots_of_the_last_station_are_not_shown_at_an_unusable_one(operator: Op
     assert not operator.window.operator_page._loading.isVisible()
     assert "No run with this station and product" in operator.says()
     operator.window.app.set_language("zh_CN")
-    assert "该工位和产品不能标定" in operator.says()
+    assert "该工位和产品型号不能标定" in operator.says()
     operator.window.app.set_language("en")
     operator.choose("mems_hand")
     assert "No run with this station and product" not in operator.says()

@@ -395,6 +395,8 @@ def test_a_problem_of_a_reference_is_selected_in_its_table(forms: ListDriver) ->
 def test_actions_that_two_people_confirm_are_chosen(forms: ListDriver) -> None:
     forms.open("products", "mems_c", "Two people")
     forms.name = "confirmation"
+    shown = [text.text() for text in forms.find(FormTable, "confirmation_table").window().findChildren(QLabel)]
+    assert any("with which their run was made" in text for text in shown)
     before = forms.text
     column = "A second engineer confirms"
     forms.select("issue of a certificate", column, "yes")

@@ -255,7 +255,7 @@ def test_product_with_which_the_station_starts_is_chosen(page_driver: PageDriver
     page_driver.press("save_station_button")
     assert saved(site_folder.station)["product"] == "tactical_b"
     language.use("zh_CN")
-    page_driver.choose("product_edit", "本工位可标定的第一个产品")
+    page_driver.choose("product_edit", "本工位可标定的第一个产品型号")
     language.use("en")
     page_driver.press("save_station_button")
     assert "product" not in saved(site_folder.station)
