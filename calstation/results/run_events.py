@@ -10,10 +10,14 @@ from calstation.sequencer import Event, from_json
 
 @dataclass(frozen=True)
 class TimedEvent:
-    """An event and the time since the first event of its run, s; None if the log does not contain it."""
+    """An event and the time since the first event of its run, s; None if the log does not contain it.
+
+    `utc` is the time of day, ISO 8601; "" if the log, which is of an earlier version, does not contain it.
+    """
 
     seconds: float | None
     event: Event
+    utc: str = ""
 
 
 def load_events(report: ProgressCallback, log: Path) -> list[TimedEvent]:
@@ -22,10 +26,11 @@ def load_events(report: ProgressCallback, log: Path) -> list[TimedEvent]:
     first: float | None = None
     for entry in open_log(log).events:
         values = dict(entry)
-        at = values.pop("station_time", None)
+        at, utc = values.pop("station_time", None), str(values.pop("utc", ""))
         first = at if first is None else first
         try:
-            events.append(TimedEvent(None if at is None or first is None else at - first, from_json(values)))
+            seconds = None if at is None or first is None else at - first
+            events.append(TimedEvent(seconds, from_json(values), utc))
         except (KeyError, TypeError):  # an entry that is not an event, or an event of another version
             continue
     return events

@@ -78,6 +78,13 @@ class Cycle:
             self._measure()
             return [*self._completed, self._current()]
 
+    def station_time(self) -> float | None:
+        """Return the device time, s; None before the devices are open and after they are closed."""
+        clock = self._clock
+        with suppress(DeviceFaultError):
+            return None if clock is None else clock.now()
+        return None
+
     def _on_solved(self) -> None:
         """Begin the phase ``files``; if it has already begun, another unit of the batch was solved until now."""
         with self._lock:

@@ -34,7 +34,7 @@ from calstation.runs.hooks import RunHooks, station_hooks
 from calstation.runs.incomplete import attempts_in_progress, finish_incomplete
 from calstation.runs.resume import Continuation
 from calstation.runs.start import attempts_used
-from calstation.sequencer import Control, Emit, Event, Message, to_json
+from calstation.sequencer import Control, Emit, Event, Message, times, to_json
 
 #: Longest time to wait for another program that creates a log, s.
 _LOCK_TIMEOUT = 10.0
@@ -177,7 +177,7 @@ class OpenRun:
 
     def emit(self, event: Event) -> None:
         """Pass an event to the log and the listener."""
-        self.log.event(to_json(event))
+        self.log.event({**times(self.prepared.cycle.station_time()), **to_json(event)})
         self.prepared.emit(event)
 
 

@@ -46,6 +46,7 @@ from calstation.sequencer.events import (
     Trace,
     from_json,
     solution_events,
+    times,
     to_json,
 )
 from calstation.sequencer.guard import check_limits, check_power

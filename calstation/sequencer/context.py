@@ -15,7 +15,7 @@ from calstation.estimation.common import ImuModel, SampleBlock
 from calstation.judgement import Judgement
 from calstation.physics import FloatArray, GimbalTurn, TableGeometry
 from calstation.sequencer.control import Control, State
-from calstation.sequencer.events import LOSSY, Event, to_json
+from calstation.sequencer.events import LOSSY, Event, times, to_json
 from calstation.sequencer.plan import SETTLE_TIME, StagePlan
 from calstation.sequencer.verification_path import VerificationData
 
@@ -276,7 +276,7 @@ class RunContext:
         Raises ConfigurationError if the log of the last unit cannot be written.
         """
         if not isinstance(event, LOSSY):
-            entry = {"station_time": self.clock.now(), **to_json(event)}
+            entry = {**times(self.clock.now()), **to_json(event)}
             active = [slot for slot in self.slots if slot.name not in self.inactive]
             for slot in active:
                 if slot.log is not None and event.slot in ("", slot.name):

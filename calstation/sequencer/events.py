@@ -7,6 +7,7 @@ events for a pipe or a log.
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
 from typing import Any
 
 from calstation.errors import CalstationError
@@ -254,6 +255,12 @@ _KINDS: dict[str, Callable[..., Event]] = {kind.__name__: kind for kind in Event
 
 #: Events that only refresh a display; a slow listener may miss some of them, and they are not logged.
 LOSSY = (StageProgress, StageRanked, TableMoved, JointsMoved, ChamberChanged, Trace, PositionGuided)
+
+
+def times(station: float | None) -> dict[str, Any]:
+    """Return the times of an event for a log: that of the `station`, s, if it is known, and the time of day in UTC."""
+    known = {} if station is None else {"station_time": station}
+    return {**known, "utc": datetime.now(UTC).isoformat(timespec="milliseconds")}
 
 
 def to_json(event: Event) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from pytestqt.qtbot import QtBot
 from calstation.gui.history import HistoryPage
 from calstation.gui.history.record_view import _state
 from calstation.gui.text import event_line
+from calstation.messages import local_time
 from calstation.records import IssuedReport, Verdict, append_audit
 from calstation.reports import IssuedCertificate, IssuedPdf
 from calstation.reports.issue import _issuers
@@ -129,6 +130,10 @@ def test_history_lists_the_events_of_a_log(page: HistoryPage, qtbot: QtBot) -> N
     table = page.findChild(QTableView, "history_events_table")
     qtbot.waitUntil(lambda: not page.record.busy, timeout=WAIT)
     assert sentences(table) == ["Rate solved; its residuals are consistent."], visible_texts(page)
+    clock, since = (str(table.model().index(0, column).data()) for column in (0, 1))
+    started = page.table.run.started_utc
+    assert (clock, since) == (local_time(started, zone=True)[11:19], "0:00")
+    assert str(table.model().index(0, 0).data(Qt.ItemDataRole.ToolTipRole)) == local_time(started, zone=True)
     qtbot.mouseClick(button(page, "record_back_button"), Qt.MouseButton.LeftButton)
     assert page.table.isVisible()
 

@@ -141,6 +141,10 @@ def test_full_run_measures_every_phase_in_device_time(tmp_path: Path, shared_run
         for entry in open_log(Path(ended.log)).events
         if entry["event"] in ("StateChanged", "StageStarted", "StageEnded")
     }
+    events = [entry for entry in open_log(Path(ended.log)).events if entry["event"] != "OldRegisters"]
+    assert all("utc" in entry for entry in events)
+    untimed = {entry.get("id", entry["event"]) for entry in events if "station_time" not in entry}
+    assert not untimed & {"registers_reading", "registers_transfer", "registers_written"}, untimed
     for phase in result.cycle:
         if phase.phase == "stage":
             driven = times["StageEnded", phase.stage] - times["StageStarted", phase.stage]

@@ -9,12 +9,14 @@ from PySide6.QtGui import QShowEvent
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.text import duration_text, event_line, on_language_change
 from calstation.gui.widgets import Cell, CellTable
+from calstation.messages import local_time
 from calstation.results import TimedEvent
 from calstation.sequencer import LOSSY, Event
 
 #: Time from an event to its display, in which further events may follow, ms.
 _REFRESH_MS = 100
-_TIME, _SLOT, _EVENT = (
+_CLOCK, _TIME, _SLOT, _EVENT = (
+    Cell("event_log.clock", "clock", number=False, hint="utc"),
     Cell("common.time", "time"),
     Cell("history.slot", "slot", number=False),
     Cell("event_log.column_event", "event", number=False, state="state", hint="event"),
@@ -69,13 +71,22 @@ class EventLog(CellTable):
     def _refresh(self) -> None:
         bar = self.verticalScrollBar()
         at_end = bar.value() == bar.maximum()
-        columns = (_TIME, _SLOT, _EVENT) if any(each.event.slot for each in self._events) else (_TIME, _EVENT)
+        clock = (_CLOCK,) if any(each.utc for each in self._events) else ()
+        slot = (_SLOT,) if any(each.event.slot for each in self._events) else ()
         rows = {}
         for number, each in enumerate(self._events):
             state, sentence = event_line(each.event, followed=number + 1 < len(self._events))
             if sentence:
                 time_text = "–" if each.seconds is None else duration_text(each.seconds)
-                rows[str(number)] = {"time": time_text, "slot": each.event.slot, "event": sentence, "state": state}
-        self.show_cells(rows, columns=columns)
+                utc = local_time(each.utc, zone=True) if each.utc else ""
+                rows[str(number)] = {
+                    "clock": utc[11:19],  # the day is that of the run
+                    "utc": utc,
+                    "time": time_text,
+                    "slot": each.event.slot,
+                    "event": sentence,
+                    "state": state,
+                }
+        self.show_cells(rows, columns=(*clock, _TIME, *slot, _EVENT))
         if at_end:
             self.scrollToBottom()
