@@ -11,18 +11,18 @@ from calstation.records import RunColumns, RunFilter, Verdict
 from calstation.results import History
 
 
-def product_runs(folder: Path, product: str) -> RunColumns:
-    """Return the runs of a product in a folder, "" for all products, from the folder's index.
+def product_runs(folder: Path, product: str, station: str = "") -> RunColumns:
+    """Return the runs of a product and a station in a folder, "" for all of them, from the folder's index.
 
     They are read again only if the index has changed or the last call was for other runs, so that filtering 100,000
     runs does not read them again.
     """
-    return _columns(folder, product, History(folder).mark())
+    return _columns(folder, product, station, History(folder).mark())
 
 
 @lru_cache(maxsize=3)
-def _columns(folder: Path, product: str, mark: str | None) -> RunColumns:
-    return History(folder).columns(RunFilter(product=product))
+def _columns(folder: Path, product: str, station: str, mark: str | None) -> RunColumns:
+    return History(folder).columns(RunFilter(product=product, station=station))
 
 
 def judged_runs(runs: RunColumns) -> IntArray:

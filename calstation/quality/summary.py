@@ -33,6 +33,7 @@ from calstation.quality.gravity_shift import COMMON_SCALE, SCALES, common_scale
 from calstation.quality.runs import judged_runs, last_of_each_unit, product_runs, production_runs
 from calstation.quality.yields import Share, Yields, count_yields
 from calstation.records import RunColumns
+from calstation.results import History
 
 #: Smallest number of values of a parameter for charts and capability.
 MIN_VALUES = 10
@@ -177,6 +178,7 @@ class QualitySummary:
     serial: str | None
     single_unit: tuple[ParameterQuality, ...]  #: All runs of the unit `serial`.
     chartable: int  #: Number of runs for charts: all full runs of the unit `serial`, or the last one of each unit.
+    stations: tuple[str, ...] = ()  #: All stations of the runs in the folder.
 
     def to_json(self) -> dict[str, Any]:
         """Return all values in SI as JSON data."""
@@ -211,6 +213,7 @@ def summarise_quality(
     since: datetime | None = None,
     *,
     relative: bool = False,
+    station: str = "",
 ) -> QualitySummary:
     """Job: summarise the quality of the runs of a folder.
 
@@ -229,13 +232,14 @@ def summarise_quality(
         capability. For all units it is (x - mean) / sqrt(sigma² + tau²), with each run's own sigma, and mean and tau of
         the random effects model of the baseline. For a single unit with reference values it is (x - reference) /
         sqrt(sigma² + sigma_ref² + change²), in which the unit's expected change is taken from its IMU profile.
+    station : station of the runs, "" for all; the first and the last run of a unit are those at this station
 
     Raises
     ------
     ConfigurationError : if the product file cannot be used
     """
     chosen = None if product is None else load_product(product)[1]
-    runs = product_runs(folder, "" if chosen is None else chosen.name)
+    runs = product_runs(folder, "" if chosen is None else chosen.name, station)
     start = -math.inf if since is None else since.timestamp()
     limits = dict(known_products()) if chosen is None else {chosen.name: chosen}
     standards = {standard.serial for each in limits.values() for standard in each.check_standards}
@@ -259,7 +263,13 @@ def summarise_quality(
         single_unit += _charts(runs, name, unit_rows, parameter, None, start, relative=relative, reference=reference)
         report(0.4 + 0.6 * (done + 1) / len(names))
     return QualitySummary(
-        None if chosen is None else chosen.name, yields, tuple(parameters), serial, tuple(single_unit), chartable
+        None if chosen is None else chosen.name,
+        yields,
+        tuple(parameters),
+        serial,
+        tuple(single_unit),
+        chartable,
+        History(folder).choices().stations,
     )
 
 

@@ -278,6 +278,60 @@ def test_control_limits_do_not_depend_on_the_time_shown(operator: Operator) -> N
 
 
 @pytest.mark.parametrize(
+    ("code", "every", "state"),
+    [
+        ("en", "Every station", "One of the latest 10 runs signals."),
+        ("zh_CN", "全部工位", "最近10次标定中有报警。"),
+    ],
+)
+def test_runs_of_one_station_are_charted_and_a_state_is_explained(
+    operator: Operator, code: str, every: str, state: str
+) -> None:
+    folder = operator.site_folder.runs
+    folder.mkdir(exist_ok=True)
+    for k in range(24):
+        bias = (-1) ** (k // 2) * (2.9 if k == 23 else 0.1)
+        station = ("bench 1", "bench 2")[k % 2]
+        hours = timedelta(hours=30 - k)
+        write_run(folder, f"SN-{k:06}", "passed", hours, bias, product="Navigation grade A", station=station)
+    operator.window.app.set_product(library.find("products", "nav_a"))
+    language.use(code)
+    operator.window.show_page("quality_page")
+    page = operator.window.findChild(QualityPage, "quality_page")
+    operator.until(lambda: not page.busy and not page.control.empty)
+    station = operator.widget("quality_station_combo", QComboBox)
+    assert [station.itemText(k) for k in range(station.count())] == [every, "bench 1", "bench 2"]
+    station.setFocus()
+    operator.qtbot.keyClick(station, Qt.Key.Key_Down)
+    operator.until(lambda: not page.busy and len(page.control.plots.data.parameter.names) == 12)
+    signals = page.control.quantities.model().index(0, 1)
+    assert signals.data(Qt.ItemDataRole.UserRole) == "good"
+    operator.qtbot.keyClick(station, Qt.Key.Key_Down)
+    operator.until(lambda: not page.busy and signals.data(Qt.ItemDataRole.UserRole) == "bad")
+    assert signals.data(Qt.ItemDataRole.ToolTipRole) == state
+    assert page._summary.yields.stations.keys() == {"bench 2"}
+    language.use("en")
+
+
+@pytest.mark.parametrize(
+    ("code", "tab", "words"), [("en", "Yield", "No failed checks"), ("zh_CN", "合格率", "没有不合格的检查")]
+)
+def test_yield_of_a_single_day_without_failures_says_so(operator: Operator, code: str, tab: str, words: str) -> None:
+    folder = operator.site_folder.runs
+    folder.mkdir(exist_ok=True)
+    write_run(folder, "SN-000001", "passed", timedelta(seconds=1), product="Navigation grade A")
+    operator.window.app.set_product(library.find("products", "nav_a"))
+    language.use(code)
+    operator.window.show_page("quality_page")
+    page = operator.window.findChild(QualityPage, "quality_page")
+    click_tab(operator, tab)
+    operator.until(lambda: not page.busy and words in operator.says())
+    begin, end = page.yields.days.getViewBox().viewRange()[0]
+    assert 7 <= (end - begin) / 86_400 < 9, "days, not one month"
+    language.use("en")
+
+
+@pytest.mark.parametrize(
     ("code", "counted"),
     [
         ("en", "1 complete run with PASS or FAIL, 1 partial run with FAIL not counted"),

@@ -22,7 +22,7 @@ _ROWS_FOR_WIDTH = 20
 _LATEST_RUNS = 10
 _QUANTITIES = (
     Cell("quality.runs", "runs"),
-    Cell("quality.signals", "signals", state="kind"),
+    Cell("quality.signals", "signals", state="kind", hint="hint"),
 )
 _SIGNALS = (
     Cell("quality.run", "run"),
@@ -64,7 +64,10 @@ class ControlView(QWidget):
         self._charts, self._relative = {each.parameter: each for each in charts}, relative
         self.quantities.show_cells(
             {
-                name: {"runs": str(len(each.names)), "signals": str(each.signalling), "kind": _state(each)}
+                name: {
+                    **{"runs": str(len(each.names)), "signals": str(each.signalling), "kind": _state(each)},
+                    "hint": say(f"chart.state_{_state(each)}", latest=_LATEST_RUNS),
+                }
                 for name, each in self._charts.items()
             }
         )

@@ -1,5 +1,6 @@
 """The Quality page: statistics of units, stations and the process over many runs."""
 
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from calstation.gui.quality.standards_view import StandardsView
 from calstation.gui.quality.study_view import StudyView
 from calstation.gui.quality.yield_view import YieldView
 from calstation.gui.state import AppContext, Page
-from calstation.gui.text import Words, bind, offered_products, on_language_change, say
+from calstation.gui.text import Words, bind, offered_products, on_language_change, say, station_text
 from calstation.gui.widgets import (
     EmptyState,
     JobRow,
@@ -58,7 +59,8 @@ class QualityPage(Page):
         self._station_watch = self.job(station_quality, self._show_station, failure=unread)
         self._fetcher = self.job(fetch_result, app.open_run.emit, failure="common.result_not_opened")
         scales = {False: "common.numeric_value", True: "quality.deviation"}
-        self.product, self.unit = (combo_box(f"quality_{name}_combo", fit=True) for name in ("product", "unit"))
+        names = ("product", "unit", "station")
+        self.product, self.unit, self.station = (combo_box(f"quality_{name}_combo", fit=True) for name in names)
         self.period = combo_box("quality_period_combo", _PERIODS, fit=True)
         self.scale = combo_box("quality_scale_combo", scales, fit=True)
         bind(self.scale.setToolTip, "quality.about_deviations")
@@ -79,7 +81,7 @@ class QualityPage(Page):
         self._lay_out()
         self.tabs.currentChanged.connect(lambda _: self._show_view())
         self.product.currentIndexChanged.connect(lambda _: self._product_chosen())
-        for combo in (self.unit, self.period, self.scale):
+        for combo in (self.unit, self.station, self.period, self.scale):
             combo.currentIndexChanged.connect(lambda _: self.read())
         for view in (self.control, self.standards):
             view.run_requested.connect(self._open_run)
@@ -111,7 +113,8 @@ class QualityPage(Page):
         days = self.period.currentData()
         since = None if days is None else datetime.now(UTC) - timedelta(days=days)
         unit, relative = self.unit.currentData() or None, self.scale.currentData()
-        self._watch.start(folder, product, unit, since=since, relative=relative)
+        station = self.station.currentData() or ""
+        self._watch.start(folder, product, unit, since=since, relative=relative, station=station)
 
     def _read_all(self) -> None:
         """Read the selected runs, and the station and an open study, which do not depend on the selection."""
@@ -131,6 +134,7 @@ class QualityPage(Page):
         for combo, words in (
             (self.product, "common.product"),
             (self.unit, "quality.units"),
+            (self.station, "common.station"),
             (self.period, "common.time"),
             (self.scale, "quality.shown_as"),
         ):
@@ -170,6 +174,10 @@ class QualityPage(Page):
         standards = ((say("quality.check_standard", serial=serial), serial) for serial in serials)
         fill_combo(self.unit, [(say("quality.all_units"), ""), *standards])
 
+    def _offer_stations(self, names: Sequence[str]) -> None:
+        stations = ((station_text(name), name) for name in names)
+        fill_combo(self.station, [(say("history.every_station"), ""), *stations])
+
     def _refresh_visible(self) -> None:
         """Show the indexed runs immediately, and show them again if the folder has changed."""
         if self.isVisible():
@@ -189,6 +197,8 @@ class QualityPage(Page):
 
     def _show(self, summary: QualitySummary | None) -> None:
         self._summary = summary
+        if summary is not None:
+            self._offer_stations(summary.stations)
         self._outdated = set() if summary is None else {self.control, self.capability, self.yields, self.study}
         self._show_view()
 
@@ -247,6 +257,7 @@ class QualityPage(Page):
     def _show_texts(self) -> None:
         self.scale.setItemData(1, say("quality.about_deviations"), Qt.ItemDataRole.ToolTipRole)
         self._offer_products(self.product.currentData() or self.app.product_path)
+        self._offer_stations(() if self._summary is None else self._summary.stations)
         self._show_view()
 
 

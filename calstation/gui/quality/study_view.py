@@ -58,7 +58,7 @@ _ORDER = (
     Cell("quality.state", "state", number=False, state="kind"),
 )
 _OVERVIEW = (
-    Cell("common.verdict", "verdict", number=False, state="kind"),
+    Cell("common.verdict", "verdict", number=False, state="kind", hint="hint"),
     Cell("quality.of_tolerance", "tolerance"),
     Cell("quality.of_study", "study"),
     Cell("quality.distinct_categories", "categories"),
@@ -307,6 +307,7 @@ def _overview_cells(study: GaugeStudy, beyond: int, cpk: float | None) -> dict[s
     cells = {
         "verdict": say(f"gauge.{study.verdict}"),
         "kind": _state(study, beyond),
+        "hint": "\n".join(_range_notes(beyond)),
         "study": f"{gauge.percent_study:.1f}",
         "categories": str(study.categories),
     }

@@ -10,13 +10,28 @@ from PySide6.QtCore import QLocale
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.text import check_name, language, on_language_change, product_text, say
-from calstation.gui.widgets import Cell, CellTable, DataView, ThemedPlot, box, column, label, row, split, theme
+from calstation.gui.widgets import (
+    Cell,
+    CellTable,
+    DataView,
+    EmptyState,
+    ThemedPlot,
+    box,
+    column,
+    label,
+    row,
+    split,
+    stack,
+    theme,
+)
 from calstation.quality import FailedCheck, Share, Yields
 
 #: Maximum number of failed checks in the plot.
 _MAX_CHECKS = 7
 #: Maximum number of days that are plotted individually; more days are plotted by week.
 _MAX_DAYS = 60
+#: Smallest span of the time axis, s.
+_MIN_SPAN = 7 * 86_400.0
 #: Lower end of the yield axis if no yield is smaller.
 _MIN_SHARE = 0.5
 _COLUMNS = (
@@ -39,7 +54,9 @@ class YieldView(QWidget, DataView[Yields]):
         self.days, self.pareto = DailyYield(), Pareto()
         self.table = CellTable("yield_table", "quality.yield_table", _COLUMNS, named=False)
         titles = label("quality.yield_by_day", "muted"), label("quality.failed_checks", "muted")
-        plots = box(titles[0], (self.days, 4), titles[1], (self.pareto, 5), spacing=theme.GRID // 2)
+        self._no_failures = EmptyState()
+        self._failures = stack(self.pareto, self._no_failures)
+        plots = box(titles[0], (self.days, 4), titles[1], (self._failures, 5), spacing=theme.GRID // 2)
         head = row(self.overall_label, 2 * theme.GRID, self.first_label, None)
         body = split((plots, 5), (self.table, 4), handle=2 * theme.GRID)
         column(head, (body, 1), on=self, margins=(0, theme.GRID, 0, 0))
@@ -49,10 +66,12 @@ class YieldView(QWidget, DataView[Yields]):
         """Show the yield of runs."""
         self.days.show_data(data.days if len(data.days) <= _MAX_DAYS else _by_week(data.days))
         self.pareto.show_data(data.failed_checks[:_MAX_CHECKS])
+        self._failures.setCurrentWidget(self.pareto if data.failed_checks else self._no_failures)
         super().show_data(data)
 
     def draw(self, data: Yields) -> None:
         """Show the yields."""
+        self._no_failures.say("chart.no_failed_checks")
         if data.overall is None or data.units is None:
             return
         # the yield and the first-pass yield count units, so that repeated runs of a unit do not lower only one of them
@@ -119,6 +138,8 @@ class DailyYield(ThemedPlot, DataView[Mapping[str, Share]]):
         self.addItem(bars)
         self.addItem(pg.PlotDataItem(x, value, pen=theme.pen(c.accent, 1), **symbol))
         self.setYRange(min(100.0 * _MIN_SHARE, float(low.min())), 100.0)
+        margin = max(0.0, _MIN_SPAN - (x[-1] - x[0])) / 2.0  # so that a single day is named as such
+        self.setXRange(x[0] - margin, x[-1] + margin)
 
 
 class Pareto(ThemedPlot, DataView[tuple[FailedCheck, ...]]):
