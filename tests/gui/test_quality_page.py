@@ -103,6 +103,16 @@ def test_every_quantity_has_control_charts_and_a_signal_opens_its_run(operator: 
     assert operator.window.page_tabs.currentWidget().objectName() == "engineer_page"
 
 
+def test_choices_and_tabs_stay_in_place_in_every_view(operator: Operator, page: QualityPage) -> None:
+    fixed = (page.product, page.tabs)
+    places = []
+    for title in ("Control charts", "Capability", "Yield", "Check standards", "Repeatability"):
+        click_tab(operator, title)
+        operator.qtbot.wait(50)
+        places.append([(each.mapTo(page, QPoint(0, 0)), each.size()) for each in fixed])
+    assert all(place == places[0] for place in places)
+
+
 def test_table_counts_the_runs_that_signal(operator: Operator, page: QualityPage) -> None:
     for line, (runs, signalling) in enumerate(cells(operator, "quality_quantities_table")[:6]):
         click_row(operator, "quality_quantities_table", line)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QWidget
+from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.config import DEFAULT_PRODUCT, library, load_product
 from calstation.database import fetch_result
@@ -23,6 +23,7 @@ from calstation.gui.widgets import (
     JobRow,
     JobStack,
     ViewTabs,
+    box,
     column,
     combo_box,
     fill_combo,
@@ -142,9 +143,12 @@ class QualityPage(Page):
             bind(combo.setAccessibleName, words)
         progress = JobStack(self.count_label, JobRow(self._watch, "quality_cancel_button"))
         wide = 2 * theme.GRID
+        choices = box(row(*fields, None, spacing=wide))
+        # a high view must not compress the choices above it
+        choices.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Fixed)
         column(
             self.notice,
-            row(*fields, None, spacing=wide),
+            choices,
             row(self.tabs, None, (progress, 1)),
             (self._stack, 1),
             on=self,
