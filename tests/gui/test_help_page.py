@@ -1,5 +1,6 @@
 """Help in the window: F1, the manual with its links and search, facts about the program, and its place in a package."""
 
+import json
 import re
 import shutil
 from pathlib import Path
@@ -16,7 +17,11 @@ from calstation.errors import DeviceFaultError
 from calstation.gui.help import manual
 from calstation.gui.help.page import HelpPage
 from calstation.gui.shell.main_window import MainWindow
+from calstation.records import append_audit
 from calstation.sequencer import Fault
+from calstation.validation import Validation
+from calstation.validation.lines import Line
+from calstation.validation.report import signed_json
 from tests.gui.conftest import Operator, SiteFolder
 from tests.gui.test_operator_events import end_run, simulated_run
 
@@ -102,6 +107,64 @@ def test_about_shows_version_licences_and_the_folder_of_logs(
     for name, words in (("calstation", "MIT License"), ("font", "SIL OPEN FONT LICENSE"), ("numpy", "NumPy")):
         page.browser.open(QUrl(f"help:licence/{name}"))
         assert words.lower() in page.browser.toPlainText().lower(), name
+
+
+def click_link(browser: QTextBrowser, text: str) -> None:
+    """Click a link by its text."""
+    cursor = browser.document().find(text)
+    assert not cursor.isNull(), text
+    browser.setTextCursor(cursor)
+    browser.ensureCursorVisible()
+    cursor.setPosition(cursor.selectionStart() + 1)
+    QTest.mouseClick(browser.viewport(), Qt.MouseButton.LeftButton, pos=browser.cursorRect(cursor).center())
+
+
+@pytest.mark.parametrize(
+    ("code", "verdict", "none", "missing", "altered"),
+    [
+        ("en", "Incomplete", "No record in the folder", "is missing", "validation_20261127T100000Z.json was changed"),
+        ("zh_CN", "不完整", "没有记录", "缺少", "validation_20261127T100000Z.json 在站点签名后被改动"),
+    ],
+)
+def test_about_lists_validations_and_opens_their_documents(
+    window: MainWindow,
+    site_folder: SiteFolder,
+    monkeypatch: pytest.MonkeyPatch,
+    code: str,
+    verdict: str,
+    none: str,
+    missing: str,
+    altered: str,
+) -> None:
+    opened: list[QUrl] = []
+    monkeypatch.setattr(QDesktopServices, "openUrl", lambda url: opened.append(url))
+    window.app.set_language(code)
+    page = press_f1(window)
+    about = window.findChild(QPushButton, "about_button")
+    QTest.mouseClick(about, Qt.MouseButton.LeftButton)
+    assert none in page.browser.toPlainText()
+    append_audit(site_folder.home, "validation_begun", "")
+    folder = site_folder.runs.parent / "validation"
+    folder.mkdir()
+    line = Line("rights", "recorded", "", "", "", "not_checked")
+    for day in (26, 27, 28):
+        validation = Validation("pc", "Linux", "li", "1", {}, f"2026-11-{day}T10:00:00+00:00", 1.0, (line,))
+        data, _ = signed_json(validation)
+        if day == 27:
+            data["verdict"] = "passed"
+        (folder / f"{validation.name}.json").write_text(json.dumps(data), "utf-8")
+    pdf = folder / "validation_20261128T100000Z.pdf"
+    pdf.write_bytes(b"%PDF")
+    page.open("index.md")
+    QTest.mouseClick(about, Qt.MouseButton.LeftButton)
+    text = page.browser.toPlainText()
+    assert none not in text
+    assert text.count(verdict) == 2
+    assert altered in text
+    assert missing in text
+    click_link(page.browser, "PDF")
+    assert opened == [QUrl.fromLocalFile(str(pdf))]
+    window.app.set_language("en")
 
 
 def test_every_place_and_every_link_of_the_manual_exists(window: MainWindow) -> None:

@@ -1,4 +1,4 @@
-"""Facts about the program as Markdown: version, licences of the program and its libraries, and folders."""
+"""Facts about the program as Markdown: version, folders, validations, and licences of the program and its libraries."""
 
 import platform
 import re
@@ -9,13 +9,18 @@ from PySide6.QtCore import QUrl, qVersion
 
 from calstation import __version__, applog
 from calstation.config import library
-from calstation.gui.text import say
+from calstation.errors import CalstationError
+from calstation.gui.text import language, say, term
+from calstation.messages import local_time
+from calstation.validation import read_validation
 
 #: URL of this text, and start of the URLs of the licences.
 ABOUT, LICENCE = "help:about", "help:licence/"
 #: Name of the program, and of its font, in the URL of the licence.
 _PROGRAM, _FONT = "calstation", "font"
 _LONGEST = 40
+#: Maximum number of listed validations, the latest first.
+_MAX_VALIDATIONS = 5
 
 
 def about_text(runs_folder: Path) -> str:
@@ -32,6 +37,8 @@ def about_text(runs_folder: Path) -> str:
         f"Python {platform.python_version()}, Qt {qVersion()}, {platform.platform(terse=True)}",
         f"## {say('help.folders')}",
         *(f"- {say(code)}: [{folder}]({_url(folder)})" for code, folder in folders),
+        f"## {say('help.validations')}",
+        *_validations(library.site_folder(), runs_folder.absolute().parent),
         f"## {say('help.libraries')}",
     ]
     rows = [f"| {say('help.library')} | {say('help.version')} | {say('help.licence')} |", "|---|---|---|"]
@@ -51,6 +58,26 @@ def licence_text(name: str) -> str:
         files = [Path(str(each.locate())) for each in listed if re.search(r"licen[cs]e|copying", each.name, re.I)]
     texts = [file.read_text(encoding="utf-8", errors="replace") for file in files if file.suffix != ".py"]
     return f"# {name}\n\n" + "\n\n".join(f"```\n{text}\n```" for text in texts or [_licence_name(distribution(name))])
+
+
+def _validations(*folders: Path) -> list[str]:
+    """Return a line for each of the latest validations in the folders, or a line that says that there is none."""
+    found = {file.name: file for folder in folders for file in (folder / "validation").glob("validation_*.json")}
+    latest = [found[name] for name in sorted(found, reverse=True)[:_MAX_VALIDATIONS]]
+    return [f"- {_validation(file)}" for file in latest] or [say("help.no_validation")]
+
+
+def _validation(file: Path) -> str:
+    """Return the time and the verdict of a validation with a link to its document, or why its record is not valid."""
+    try:
+        data = read_validation(file)
+    except CalstationError as error:
+        return say(error.as_text)
+    documents = [file.with_name(f"{file.stem}{ending}.pdf") for ending in ("_zh", "")[language.current() == "en" :]]
+    document = next((each for each in documents if each.is_file()), None)
+    link = say("help.no_document", file=documents[-1].name) if document is None else f"[PDF]({_url(document)})"
+    verdict = term("validation_label", f"verdict_{data['verdict']}")
+    return f"{local_time(data['started_utc'])}  ·  {data['computer']}  ·  {verdict}  ·  {link}"
 
 
 def _url(folder: Path) -> str:
