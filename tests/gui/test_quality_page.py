@@ -192,6 +192,20 @@ def test_study_lists_the_results_of_all_parameters(operator: Operator, page: Qua
     assert operator.widget("study_parameter_label", QLabel).text() == parameter_text(NAMES[4])
 
 
+def test_study_shows_every_column_and_explains_a_verdict_without_a_tick(operator: Operator, page: QualityPage) -> None:
+    click_tab(operator, "Repeatability")
+    page.study.open_plan(next((operator.site_folder.runs / "studies").glob("*.json")))
+    until_read(operator, page)
+    for code, reason in (("en", "Ranges beyond the control limits"), ("zh_CN", "重复性不受控")):
+        language.use(code)
+        table = page.study.overview
+        assert table.horizontalHeader().length() <= table.viewport().width()
+        verdicts = [table.model().index(line, 0) for line in range(len(NAMES))]
+        reasons = {each.data(Qt.ItemDataRole.UserRole): each.data(Qt.ItemDataRole.ToolTipRole) for each in verdicts}
+        assert reason in reasons["caution"]
+        assert not reasons["good"]
+
+
 @pytest.mark.long
 def test_study_is_charted_by_unit_by_appraiser_and_for_all_parameters(operator: Operator, page: QualityPage) -> None:
     click_tab(operator, "Repeatability")

@@ -112,7 +112,7 @@ class StudyView(QWidget):
         self.tabs.currentChanged.connect(views.setCurrentIndex)
         head = row(self._name_label, 2 * theme.GRID, self.badge, None)
         selected = box(head, self.about_label, row(self.tabs, None), (views, 1))
-        self._evaluation = split((self.overview, 5), (selected, 5), handle=2 * theme.GRID)
+        self._evaluation = split((self.overview, 11), (selected, 9), handle=2 * theme.GRID)
         self._stack = stack(self._empty, self._missing_runs, self._evaluation)
         open_button = button("study_open_button", "quality.open_plan", self._open)
         new_button = button("study_new_button", "quality.new_plan", self.form.show)
