@@ -49,7 +49,8 @@ def test_parameter_of_a_product_since_a_date_is_written_as_json(calstation: Run,
     (row,) = found["parameters"]
     assert (row["parameter"], row["capability"]["low"], row["capability"]["high"]) == ("accel_scale_x", -9e-4, 9e-4)
     assert set(found["yield"]) == {
-        *("overall", "units", "first_pass", "days", "products", "stations", "operators", "failed_checks")
+        *("overall", "units", "first_pass", "days", "products", "stations", "operators", "failed_checks"),
+        "partial_failed",
     }
     days = found["yield"]["days"]
     assert min(days) >= "2026-05-01"
