@@ -207,6 +207,11 @@ class RunConfiguration:
         """Return the site, IMU and table for the solvers, SI."""
         return context_from_meta(self.log_meta())
 
+    def slot_products(self) -> dict[str, str]:
+        """Return the names of the products of the slots that have their own. Raises ConfigurationError."""
+        own = {slot.name: slot.product for slot in self.station.slots if slot.product is not None}
+        return {name: load_product(library.find("products", product))[1].name for name, product in own.items()}
+
     def sigma_limits(self, context: SolveContext | None = None) -> dict[str, float]:
         """Return the maximum sigma of each estimated parameter, SI, after the last stage that estimates it.
 

@@ -1,7 +1,7 @@
 """Parameters of the stages' schedules: their fields, ranges and values in a product, and how they are saved."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +42,7 @@ class ScheduleOptions:
     serial: str  #: Serial number of the unit on a virtual bench; empty on hardware.
     geometry: TableGeometry  #: Axes of the table, or of the gimbal.
     slots: tuple[str, ...] = ()  #: Names of the slots at a station with several units.
+    slot_products: Mapping[str, str] = field(default_factory=dict)  #: Names of the slots' own products, by slot.
     over_temperature: bool = False  #: Whether the product is calibrated over temperature.
 
 
@@ -71,6 +72,7 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
         serial_pattern=setup.product.serial_pattern,
         serial_example=setup.product.example,
         serial=setup.station.virtual_serial,
+        slot_products=setup.slot_products(),
         geometry=geometry,
         slots=setup.station.slot_names,
         over_temperature=setup.product.temperature is not None,

@@ -1,7 +1,7 @@
 """Summary of a run before its start."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -47,6 +47,7 @@ class RunSummary:
     shift_starts: tuple[str, ...] = ("00:00",)  #: Local times, ``HH:MM``.
     picture: Path | None = None  #: Drawing of the unit in its fixture.
     slots: tuple[str, ...] = ()  #: Names of the slots for units on the table, in order; () for a single unit.
+    slot_products: Mapping[str, str] = field(default_factory=dict)  #: Names of the slots' own products, by slot.
     #: Rotation from the unit's axes to the table's axes, by slot; () if all units are aligned with the table.
     orientations: tuple[Orientation, ...] = ()
     #: Overdue calibrations of table and site, which refuse production unless an engineer permits it.
@@ -103,6 +104,7 @@ def run_summary(request: RunRequest) -> RunSummary:
         shift_starts=tuple(setup.station.shift_starts),
         picture=None if picture is None else library.find_beside(setup.sources["product"].path, picture),
         slots=setup.station.slot_names,
+        slot_products=setup.slot_products(),
         orientations=tuple(orientation_matrix(slot.orientation) for slot in setup.station.slots),
         overdue=tuple(due.cause for due in due_certificates(setup.station, datetime.now(UTC))),
         check_standards=tuple(standard.serial for standard in setup.product.check_standards),

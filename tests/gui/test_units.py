@@ -10,12 +10,13 @@ import tomli_w
 from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QLineEdit, QListWidget, QPushButton
 
-from calstation.config import RunRequest
+from calstation.config import RunRequest, library, load_product
 from calstation.errors import DeviceFaultError
 from calstation.gui.operator import starting
 from calstation.gui.operator.live import TablePicture
 from calstation.gui.state import RunStrip, run_badge
 from calstation.gui.state.engine_link import EngineLink
+from calstation.gui.text import product_text
 from calstation.records import Verdict
 from calstation.results import History
 from calstation.sequencer import (
@@ -335,6 +336,23 @@ def test_tiles_show_unit_and_slot_and_a_click_selects_its_plots(operator: Operat
     assert "Rate: not ok" in tile(operator, "unit_2_tile").accessibleName()
     stages = operator.widget("stage_list", QListWidget)
     assert "done" in stages.item(0).data(Qt.ItemDataRole.AccessibleTextRole)
+
+
+def test_tile_names_the_own_product_of_its_slot(operator: Operator) -> None:
+    operator.site_folder.write(station={"slots": [{"name": "1"}, {"name": "2", "product": "mems_c"}]}, units=2)
+    operator.window.app.set_station(operator.site_folder.station)
+    name = load_product(library.find("products", "mems_c"))[1].name
+    for language in ("zh_CN", "en"):
+        operator.window.app.set_language(language)
+        assert product_text(name) in tile(operator, "slot_2_tile").accessibleName()
+        assert product_text(name) not in tile(operator, "slot_1_tile").accessibleName()
+    begin(operator)
+    operator.until(lambda: f"2 · {product_text(name)}" in tile(operator, "unit_2_tile").accessibleName())
+    end_unit(operator, "1", "passed")
+    end_unit(operator, "2", "failed")
+    operator.window.app.engine_link._engine = None
+    operator.window.app.engine_link.running_changed.emit(False)
+    operator.until(lambda: f"2 · {product_text(name)}" in tile(operator, "unit_2_verdict").accessibleName())
 
 
 def test_unit_with_a_fault_is_removed_and_the_others_continue(operator: Operator) -> None:

@@ -150,7 +150,8 @@ class EngineerPage(Page):
         except CalstationError as error:
             self._problem = error
         options = self._options
-        self._slots.set_virtual(options is not None and options.virtual)
+        own = {} if options is None else options.slot_products
+        self._slots.set_next_run(virtual=options is not None and options.virtual, products=own)
         self._tabs.setTabVisible(self._views.indexOf(self._slots), options is not None and bool(options.slots))
         self.design.offer(options)
         self.choice.setEnabled(options is not None and bool(options.offered))

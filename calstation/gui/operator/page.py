@@ -252,7 +252,8 @@ class OperatorPage(Page):
         self._starting.set_next_run(summary)
         self._stages.set_next_run(summary)
         self._loading.set_next_run(summary)
-        self._slots.set_virtual(summary is not None and summary.virtual)
+        own = {} if summary is None else summary.slot_products
+        self._slots.set_next_run(virtual=summary is not None and summary.virtual, products=own)
         self._shift.set_next_run(summary)
         if summary is not None:
             self.header.badge_field.set_section(summary.sign_in)
@@ -365,7 +366,7 @@ class OperatorPage(Page):
         if not run.register_operation:
             self._starting.clear_units()
         if run.fault is not None:
-            self._verdict.acknowledge_button.setFocus()
+            self._verdict.focus_action()
             return
         self.header.focus_scan()
 
@@ -445,7 +446,7 @@ class OperatorPage(Page):
         run = self.app.run
         returning = run.chamber.access == "closed" and self.app.engine_link.running
         if run.state == "idle" and not returning:
-            loading = self._slots if self._starting.slots else self._loading
+            loading: QWidget = self._slots if self._starting.slots else self._loading
             loading = self._unconfirmed if run.chamber.must_stay_closed else loading
             self._views.setCurrentWidget(self._unusable if self._problem is not None else loading)
         elif run.fault is None and (returning or not run.finalized) and self.app.engine_link.running:

@@ -212,7 +212,7 @@ class RunStatus(QObject):
     def remaining(self) -> float | None:
         """Remaining host time, s; None while it cannot be estimated."""
         pace = self.pace
-        if pace is None or not self.in_progress:
+        if pace is None or not self.in_progress or self.state == "stopping":
             return None
         return sum(self.stage_remaining(s) for s in self.stages) / pace
 
@@ -356,7 +356,8 @@ class RunStatus(QObject):
             return (UnitStatus(request.serial),)
         slots = zip(summary.slots, request.serials, strict=False) if request.serials else (("", request.serial),)
         occupied = [(serial, slot) for slot, serial in slots if serial not in ("", "-")]
-        units = tuple(UnitStatus(serial, slot, stage_rows(summary)) for serial, slot in occupied)
+        own = summary.slot_products
+        units = tuple(UnitStatus(serial, slot, own.get(slot, ""), stage_rows(summary)) for serial, slot in occupied)
         if self.register_operation:
             for unit in units:
                 unit.stages = [row for row in unit.stages if row.name == TRANSFER]

@@ -111,6 +111,7 @@ class UnitStatus:
 
     serial: str
     slot: str = ""
+    product: str = ""  #: Name of the slot's own product; "" for that of the run.
     #: The stages in order and, if the unit has registers, the transfer.
     stages: list[StageState] = field(default_factory=list)
     sigma: dict[str, float] = field(default_factory=dict)  #: Largest sigma of each parameter group, SI units.

@@ -1,11 +1,13 @@
 """Panel with a tile for each slot of the table, in which the units of the next run are scanned."""
 
+from collections.abc import Mapping
+
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame
 
 from calstation.gui.operator.units.tiles import Tile, arrange, pass_clicks
 from calstation.gui.state import Slot, Slots, attempt_code
-from calstation.gui.text import KINDS, language, on_language_change, rendered, say, term
+from calstation.gui.text import KINDS, language, on_language_change, product_text, rendered, say, term
 from calstation.gui.widgets import (
     PANEL,
     ElidedLabel,
@@ -48,8 +50,8 @@ class _SlotTile(Tile):
         self._name.setFont(theme.font(theme.SECTION))
         self.clicked.connect(lambda: slots.choose(slot))
 
-    def refresh(self) -> None:
-        """Show the state of the slot."""
+    def refresh(self, product: str) -> None:
+        """Show the state of the slot and the name of its own product, if it has one."""
         slot, is_next = self.slot, self._slots.marked is self.slot
         self.show_selected(is_next)
         self._icon.set_kind("good" if slot.serial else "active" if is_next else "none")
@@ -60,6 +62,7 @@ class _SlotTile(Tile):
             note = say("operator.stays_empty")
         else:
             note = say("operator.next_scan" if is_next else "operator.empty")
+        note = "  ·  ".join(filter(None, (product_text(product) if product else "", note)))
         show_text(self._serial, slot.serial)
         self._note.setText(note)
         self.action.setVisible(bool(slot.serial) or is_next or slot.skipped)
@@ -95,6 +98,7 @@ class SlotsPanel(QFrame):
         self.setProperty("kind", "panel")
         self._slots, self._prefix = slots, prefix
         self._situation = "driven"
+        self._products: Mapping[str, str] = {}
         self._tiles: list[_SlotTile] = []
         self._title, self._text = label(kind="section"), label(kind="muted", wrap=True)
         self._count = PlainLabel()
@@ -104,9 +108,9 @@ class SlotsPanel(QFrame):
         slots.changed.connect(self._refresh)
         on_language_change(self, self._refresh)
 
-    def set_virtual(self, virtual: bool) -> None:
-        """Show the instructions for a virtual bench or for hardware."""
-        self._situation = "virtual" if virtual else "driven"
+    def set_next_run(self, *, virtual: bool, products: Mapping[str, str]) -> None:
+        """Show the instructions for a virtual bench or for hardware, and the names of the slots' own products."""
+        self._situation, self._products = "virtual" if virtual else "driven", products
         self._refresh()
 
     def _refresh(self) -> None:
@@ -123,4 +127,4 @@ class SlotsPanel(QFrame):
         used, count = len(self._slots.units), len(self._slots.serials)
         self._count.setText(say("operator.slots_used", count=used, slots=count))
         for tile in self._tiles:
-            tile.refresh()
+            tile.refresh(self._products.get(tile.slot.name, ""))

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
 )
 
 from calstation.gui.state import TRANSFER, RunStatus, UnitStatus
-from calstation.gui.text import KINDS, bind, fault_text, on_language_change, rendered, say, term
+from calstation.gui.text import KINDS, bind, fault_text, on_language_change, product_text, rendered, say, term
 from calstation.gui.widgets import ElidedLabel, StateIcon, clear, column, grid, label, plain_tip, row, theme
 
 #: Maximum number of tiles in a row.
@@ -95,7 +95,6 @@ class _UnitTile(Tile):
         self._icon, self._slot = StateIcon(16), label(kind="muted")
         self._serial, self._text = ElidedLabel(), ElidedLabel()
         self._serial.setFont(theme.font(bold=True))
-        self._slot.setText(unit.slot)
         self._serial.setText(unit.serial)
         head = row(self._slot, (self._serial, 1), spacing=theme.GRID)
         state = row(self._icon, (self._text, 1), spacing=theme.GRID)
@@ -108,7 +107,13 @@ class _UnitTile(Tile):
         self._icon.set_kind(kind)
         self._text.setText(text)
         self.show_selected(selected)
-        self.describe(self.unit.slot, self.unit.serial, text)
+        self._slot.setText(place_text(self.unit))
+        self.describe(place_text(self.unit), self.unit.serial, text)
+
+
+def place_text(unit: UnitStatus) -> str:
+    """Return the slot of a unit with the slot's own product, if it has one."""
+    return f"{unit.slot} · {product_text(unit.product)}" if unit.product else unit.slot
 
 
 class UnitTiles(QWidget):

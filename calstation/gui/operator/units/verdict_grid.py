@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QFrame
 from calstation.gui.operator import advice
 from calstation.gui.operator.production import CertificatesButton, LabelButton
 from calstation.gui.operator.units.banner import Banner
-from calstation.gui.operator.units.tiles import COLUMNS, Tile, arrange_in_slots, pass_clicks
+from calstation.gui.operator.units.tiles import COLUMNS, Tile, arrange_in_slots, pass_clicks, place_text
 from calstation.gui.state import AppContext, UnitStatus, run_badge
 from calstation.gui.text import fault_text, say
 from calstation.gui.widgets import (
@@ -72,11 +72,11 @@ class _VerdictTile(Tile):
         if unit.fault is not None:
             fault = fault_text(unit.fault, engineer=False)
             brief = whole = (fault.text, fault.remedy)
-        self._banner.show_state(state, unit.slot)
+        self._banner.show_state(state, place_text(unit))
         for widget, text in zip((self.reason, self._action), whole if self.roomy else brief, strict=True):
             widget.setText(text)
         self.setToolTip(plain_tip("\n".join(whole)))
-        self.setAccessibleName(", ".join((unit.slot, unit.serial, self._banner.word.text(), *whole)))
+        self.setAccessibleName(", ".join((place_text(unit), unit.serial, self._banner.word.text(), *whole)))
 
 
 class VerdictGrid(QFrame):
