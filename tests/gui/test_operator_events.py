@@ -486,6 +486,36 @@ def test_question_before_closing_promises_to_resume_only_what_can_be_resumed(
 
 
 @pytest.mark.parametrize("language", ["en", "zh_CN"])
+def test_stage_says_that_the_run_is_stopping(simulated_run: Operator, language: str) -> None:
+    event, stages = simulated_run.window.app.engine_link.event, simulated_run.widget("stage_list", QListWidget)
+    simulated_run.window.app.set_language(language)
+    event.emit(StateChanged("running", "preparing"))
+    event.emit(StageStarted("rate", 0, 1, 100.0))
+    progress(simulated_run, 0.54, 46.0, 3.0)
+    simulated_run.until(lambda: "54 %" in stages.item(0).toolTip())
+    simulated_run.press("stop_button")
+    assert "54 %" not in stages.item(0).toolTip()
+    assert ("STOPPING" if language == "en" else "正在停止") in stages.item(0).toolTip()
+    assert simulated_run.run.remaining is None
+
+
+def test_enter_after_a_fault_presses_the_stressed_button(simulated_run: Operator) -> None:
+    link = simulated_run.window.app.engine_link
+    link.event.emit(StateChanged("fault", "running"))
+    link.event.emit(Fault.of(DeviceFaultError("table.latched_drive", fault="drive")))
+    end_run(simulated_run, "fault")
+    reset = simulated_run.widget("verdict_reset_button", QPushButton)
+    assert reset.isVisible()
+    assert simulated_run.window.focusWidget() is reset
+
+
+def test_stopped_run_offers_no_certificate_in_place_of_its_resumption(simulated_run: Operator) -> None:
+    simulated_run.window.app.engine_link.event.emit(StateChanged("running", "preparing"))
+    end_run(simulated_run, "stopped", parameters={"gyro_bias_x": {"value": 0.0, "sigma": 1e-6, "unit": "rad/s"}})
+    assert not simulated_run.widget("certificate_button").isVisible()
+
+
+@pytest.mark.parametrize("language", ["en", "zh_CN"])
 def test_safe_stop_that_failed_leads_the_advice(simulated_run: Operator, language: str) -> None:
     link, panel = simulated_run.window.app.engine_link, simulated_run.window.operator_page._verdict
     simulated_run.window.app.set_language(language)

@@ -498,6 +498,8 @@ class OperatorPage(Page):
             return say("operator.message_overdue", causes=causes)
         if run.display_state == "monitoring" and run.monitoring is not None:
             return say("operator.message_monitoring", state=say(run.monitoring[1]))
+        if run.display_state == "not_ready" and has_pair(self.app.station_path):
+            return say("operator.message_pair")
         if run.state in ("idle", "starting"):
             slots = run.state == "idle" and run.runnable and self._starting.slots
             return say("operator.message_idle_slots" if slots else f"operator.message_{run.display_state}")

@@ -130,6 +130,8 @@ class StageList(QFrame):
         if kind == "active" and self._run.state in ("pausing", "paused"):
             kind = "paused"
         state, time = _state_text(stage), self._time_text(stage, planning)
+        if kind == "active" and self._run.state == "stopping":
+            kind, state, time = "stopped", term("badge", "stopping"), ""
         cast("_Row", self.list.itemWidget(item)).show_stage(kind, name, state, time, stage.fraction)
         text = ", ".join(filter(None, (name, state, time)))
         item.setData(Qt.ItemDataRole.AccessibleTextRole, text)

@@ -160,8 +160,9 @@ class VerdictPanel(QFrame):
         if unit.finalized is not self._finalized:
             self._finalized = unit.finalized
             file = None if unit.finalized is None else Path(unit.finalized.result_file)
+            judged = unit.finalized is not None and unit.finalized.verdict.judged  # another run may follow otherwise
             for button in (self.label_button, self.certificate_button):
-                button.offer(unit.result, file)
+                button.offer(unit.result if judged else None, file)
         self._refresh()
 
     def _stress(self) -> None:
@@ -170,8 +171,14 @@ class VerdictPanel(QFrame):
         theme.set_kind(self.reset.button, "primary" if reset else "")
         theme.set_kind(self.acknowledge_button, "" if reset else "primary")
 
+    def focus_action(self) -> None:
+        """Focus the button that the fault asks for, which is the stressed one."""
+        (self.reset.button if self.reset.offered else self.acknowledge_button).setFocus()
+
     def _reset_changed(self) -> None:
         self._stress()
+        if self.reset.result is not None and self.reset.result.clear:
+            self.acknowledge_button.setFocus()
         self._refresh()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
