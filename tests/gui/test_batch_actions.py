@@ -207,7 +207,15 @@ def test_focus_is_on_no_other_document_after_a_label_was_not_printed(operator: O
     operator.press("labels_button")
     operator.until(lambda: "The label was not printed" in operator.says())
     assert operator.window.focusWidget() is not operator.widget("certificates_button")
-    operator.press("operator_notice_close")
+    serials = ", ".join(unit.serial for unit in operator.run.units)
+    for language, text in (("zh_CN", f"标签未打印：{serials.replace(', ', '、')}"), ("en", f"not printed: {serials}")):
+        operator.window.app.set_language(language)
+        assert text in operator.says()
+    operator.scan("SN-000077")
+    assert "The label was not printed" in operator.says(), "a scan does not hide it"
+    operator.press("print_again_button")
+    operator.until(lambda: f"not printed: {serials}" in operator.says())
+    operator.press("unprinted_notice_close")
     assert operator.window.focusWidget() is operator.widget("serial_edit")
 
 

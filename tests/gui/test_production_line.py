@@ -380,7 +380,7 @@ def test_an_unreachable_printer_is_reported(operator: Operator) -> None:
     operator.press("label_button")
     operator.until(lambda: "cannot be reached (connection refused)" in operator.says())
     assert "Switch it on" in operator.says()
-    operator.press("operator_notice_close")
+    operator.press("unprinted_notice_close")
     assert "cannot be reached" not in operator.says()
 
 

@@ -552,7 +552,7 @@ def test_an_operator_can_reset_a_latched_fault(
 
         # The same from the verdict of a run; an open interlock keeps the fault latched.
         clock.inject({"order": "interlock", "value": 0})
-        verdict = VerdictPanel(operator.app, NoticeBar(), lambda: None)
+        verdict = VerdictPanel(operator.app, NoticeBar(), NoticeBar(), lambda: None)
         operator._bot.addWidget(verdict)
         verdict.show()
         run = operator.app.run

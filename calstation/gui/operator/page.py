@@ -76,13 +76,16 @@ class OperatorPage(Page):
         self.header: RunHeader = RunHeader(app.run)
         self._stages = StageList(app.run)
         self.closing, self.notice = NoticeBar(), NoticeBar("operator_notice")
+        #: Labels that were not printed, until they are printed or it is closed.
+        self._unprinted = NoticeBar("unprinted_notice")
         self._failing = FailingNotice(app.run, self.setFocus)
         self._loading, self._live = Loading(), LiveView(app)
-        self._verdict, self._shift = VerdictPanel(app, self.notice, self.await_scan), ShiftCounter(app)
+        documents = self.notice, self._unprinted, self.await_scan
+        self._verdict, self._shift = VerdictPanel(app, *documents), ShiftCounter(app)
         self._claimed, self._validation = ClaimNotice(app), ValidationNotice(app)
         self._starting = RunStarter(app, self.header, self.notice)
         self._slots = SlotsPanel(self._starting.slots)
-        self._verdicts = VerdictGrid(app, self.notice, self.await_scan)
+        self._verdicts = VerdictGrid(app, *documents)
         #: Whether the verdict on one of several units is displayed.
         self._unit_opened = False
         self._unusable = EmptyState(title="operator.unusable", text="operator.about_unusable")
@@ -93,7 +96,7 @@ class OperatorPage(Page):
         self._message, self._badge = label(name="message_label", wrap=True), StateBadge(theme.SECTION)
         self._message.setFont(theme.font(theme.SECTION))
         right = column(
-            *(self.closing, self._failing, self._claimed, self._validation, self.notice),
+            *(self.closing, self._failing, self._claimed, self._validation, self._unprinted, self.notice),
             *(self._starting.dialog.people, (self._views, 1)),
         )
         counts = row(self._shift, None, ExchangeLabel(app), spacing=3 * theme.GRID)

@@ -99,14 +99,15 @@ class FiguresTable(QWidget):
 class VerdictPanel(QFrame):
     """Shows the verdict on the displayed unit after a run.
 
-    `notice` reports on labels and certificates, and `then` is called after it has been closed. Signals:
+    `notice` reports on labels and certificates, `unprinted` on labels that were not printed, and `then` is called after
+    either has been closed. Signals:
     `acknowledged()` when the operator acknowledges a fault; `closed()` to return to the verdicts on all units.
     """
 
     acknowledged = Signal()
     closed = Signal()
 
-    def __init__(self, app: AppContext, notice: NoticeBar, then: Callable[[], None]) -> None:
+    def __init__(self, app: AppContext, notice: NoticeBar, unprinted: NoticeBar, then: Callable[[], None]) -> None:
         super().__init__()
         self._app = app
         self.setProperty("kind", "panel")
@@ -121,7 +122,7 @@ class VerdictPanel(QFrame):
         self.reset = ResetBar(app, self._table_request, "verdict_reset_button")
         self.details_button = button("details_button", "operator.details", self._show_details)
         self.acknowledge_button = button("acknowledge_button", "operator.understood", self.acknowledged, kind="primary")
-        self.label_button = LabelButton(app, "label_button", notice, then)
+        self.label_button = LabelButton(app, "label_button", notice, then, unprinted=unprinted)
         self.certificate_button = CertificateButton(app, "certificate_button", notice, then)
         self.close_button = button("all_units_button", "operator.all_units", self.closed, kind="primary")
         open_station = partial(app.page_requested.emit, "station_page")

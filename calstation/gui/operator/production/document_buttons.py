@@ -51,17 +51,29 @@ class _DocumentButton(QPushButton):
 
 
 class LabelButton(_DocumentButton):
-    """Button that prints the label of a unit, or of `all_units`, if they passed and their product has a label."""
+    """Button that prints the label of a unit, or of `all_units`, if they passed and their product has a label.
+
+    `unprinted` says, by default in place of `notice`, which labels were not printed, and offers to print them again.
+    """
 
     def __init__(
-        self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None], *, all_units: bool = False
+        self,
+        app: AppContext,
+        name: str,
+        notice: NoticeBar,
+        then: Callable[[], None],
+        *,
+        unprinted: NoticeBar | None = None,
+        all_units: bool = False,
     ) -> None:
         super().__init__(app, name, notice, then)
-        self._files: list[Path] = []
-        self._watch = app.job(self, print_labels, self._printed)
-        notice.report_failures(self._watch, "operator.label_not_printed", then)
+        self._unprinted = unprinted or notice
+        #: Results by serial number that the button prints, and those in the printing that was started last.
+        self._files: dict[str, Path] = {}
+        self._printing: dict[str, Path] = {}
+        self._watch = app.job(self, print_labels, self._printed, failed=self._not_printed)
         self._watch.busy_changed.connect(lambda: self._set_busy(self._watch.busy))
-        self.clicked.connect(lambda: self._watch.start(self._files, self._app.station_path))
+        self.clicked.connect(lambda: self._print(self._files))
         bind(self, "operator.print_labels" if all_units else "operator.print_label")
 
     def offer(self, result: Result | None, result_file: Path | None) -> None:
@@ -71,18 +83,29 @@ class LabelButton(_DocumentButton):
     def offer_all(self, units: Sequence[tuple[Result, Path]]) -> None:
         """Show the button if any of the results, which are given with their files, has a label."""
         labelled: dict[tuple[str | None, Verdict], bool] = {}
-        self._files = []
+        self._files = {}
         for result, path in units:
             key = result.product, result.verdict
             if key not in labelled:
                 labelled[key] = _has_label(result)
             if labelled[key]:
-                self._files.append(path)
+                self._files[result.serial] = path
         self.setVisible(bool(self._files))
 
+    def _print(self, files: dict[str, Path]) -> None:
+        self._printing = dict(files)
+        self._watch.start(list(files.values()), self._app.station_path)
+
+    def _not_printed(self, error: CalstationError) -> None:
+        files, bar = self._printing, self._unprinted
+        again = Choice("print_again_button", "operator.print_again", lambda: self._print(files))
+        close = Choice(f"{bar.objectName()}_close", "common.close", self._then)
+        bar.ask("bad", Text.of("operator.label_not_printed", serials=list(files)), error.as_text, (again, close))
+
     def _printed(self, pdfs: list[Path]) -> None:
+        self._unprinted.dismiss()
         if not pdfs:
-            self._notice.ask("good", Text.of("operator.labels_printed", count=len(self._files)), "")
+            self._notice.ask("good", Text.of("operator.labels_printed", count=len(self._printing)), "")
         elif len(pdfs) == 1:
             self._notice.inform("good", "operator.label_saved", lambda: str(pdfs[0]), self._then)
             self.open(pdfs[0])

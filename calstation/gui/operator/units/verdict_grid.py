@@ -82,14 +82,15 @@ class _VerdictTile(Tile):
 class VerdictGrid(QFrame):
     """Tiles with the verdicts on all units of a run, below a summary and buttons that apply to several units.
 
-    `notice` reports on labels and certificates, and `then` is called after it has been closed. Signals: `opened()`
-    after a click on a tile; `again(units)` to calibrate the failed units again.
+    `notice` reports on labels and certificates, `unprinted` on labels that were not printed, and `then` is called after
+    either has been closed. Signals: `opened()` after a click on a tile; `again(units)` to calibrate the failed units
+    again.
     """
 
     opened = Signal()
     again = Signal(object)
 
-    def __init__(self, app: AppContext, notice: NoticeBar, then: Callable[[], None]) -> None:
+    def __init__(self, app: AppContext, notice: NoticeBar, unprinted: NoticeBar, then: Callable[[], None]) -> None:
         super().__init__()
         self.setProperty("kind", "panel")
         self._run = app.run
@@ -99,7 +100,7 @@ class VerdictGrid(QFrame):
         self._shown: list[tuple[object, ...]] = []  #: What the tiles show of each unit.
         self._summary = StateBadge(_SUMMARY, "units_summary")
         self._again = button("again_button", pressed=lambda: self.again.emit(self._failed), kind="primary")
-        self._labels = LabelButton(app, "labels_button", notice, then, all_units=True)
+        self._labels = LabelButton(app, "labels_button", notice, then, unprinted=unprinted, all_units=True)
         self._certificates = CertificatesButton(app, "certificates_button", notice, then)
         self._grid = grid()
         head = row(self._summary, None, self._again, self._labels, self._certificates)
