@@ -169,7 +169,8 @@ def test_certificates_are_listed_with_their_run_and_opened(
     model = table.model()
     cells = [[str(model.index(row, column).data()) for column in range(4)] for row in range(2)]
     assert cells == [["N-1", "2026-11-20", "replaced", "Li Na"], ["N-1-R1", "2026-11-20", "valid", "Li Na"]]
-    assert table.textElideMode() == Qt.TextElideMode.ElideMiddle, "a narrow column shows the revision"
+    elided = table.textElideMode(), table.wordWrap()
+    assert elided == (Qt.TextElideMode.ElideMiddle, False), "a narrow column shows the revision"
     reason = page.findChild(QLabel, "certificate_reason_label")
     assert reason.text() == "N-1-R1, reason for the revision: address of the customer"
     open_button = button(page, "open_certificate_button")

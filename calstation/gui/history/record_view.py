@@ -43,6 +43,7 @@ class RecordView(JobView):
             "certificates_table", "history.certificates", _CERTIFICATES, named=False, single=True, row=4 * theme.GRID
         )
         self.table.setTextElideMode(Qt.TextElideMode.ElideMiddle)  # the end of a number states its revision
+        self.table.setWordWrap(False)  # a number is elided once, not at its hyphen as well
         self.table.selectionModel().currentRowChanged.connect(lambda *_: self._update())
         self.table.doubleClicked.connect(lambda _: self._open())
         self._no_certificates = label(kind="muted", wrap=True, name="no_certificates_label")
@@ -62,7 +63,7 @@ class RecordView(JobView):
             self.certificate_button.panel,
             None,
         )
-        body = split((left, 1), (right, 1), handle=2 * theme.GRID)
+        body = split((left, 3), (right, 4), handle=2 * theme.GRID)
         column(row(self.back_button, self._title, None, spacing=2 * theme.GRID), self.notice, (body, 1), on=self)
         on_language_change(self, self._show_texts)
 
