@@ -481,6 +481,7 @@ def test_question_before_closing_promises_to_resume_only_what_can_be_resumed(
     simulated_run.run.unit.slot = ""
     event.emit(StageSolved("six_position", {}, {"passed": True}))
     assert resumed in question()
+    assert ("Esc stops the run too." if language == "en" else "按 Esc 也会停止标定。") in question()
     simulated_run.press("stop_button")
     assert resumed not in simulated_run.says(), "the run is stopped, so nothing is asked about it"
 

@@ -50,7 +50,7 @@ def test_pair_station_leads_to_its_live_monitoring(operator: Operator) -> None:
     assert "请点击下方的“实时监测”" in operator.says()
     assert operator.widget("show_watch_button", QPushButton).text() == "实时监测"
     for language, text in (
-        ("zh_CN", "请点击“实时监测”；本工位不需要按“开始”。"),
+        ("zh_CN", "请点击“实时监测”；本工位不需要“开始”按钮。"),
         ("en", "Press “Watch live”; this station needs no START."),
     ):
         operator.window.app.set_language(language)

@@ -137,7 +137,9 @@ class Traces(QFrame):
     def _show_axis(self) -> None:
         """Name the axis of time, which ends at the last sample if there are no new ones."""
         old = self._timer.isActive() and len(self.rows) and not self._current.isActive()
-        self._accel.plot.setLabel("bottom", say("operator.axis_no_data" if old else "operator.axis_before_now"))
+        axis = self._accel.plot.getAxis("bottom")
+        axis.setLabel(say("operator.axis_no_data" if old else "operator.axis_before_now"))
+        axis.resizeEvent()  # or the label would not be in the middle
 
     def _choose_span(self) -> None:
         self.hold_button.setChecked(False)
