@@ -31,7 +31,12 @@ class SiteTrail:
 
     trail: AuditTrail
     state: tuple[Text, ...]
-    intact: bool
+    faults: tuple[Text, ...] = ()  #: Those of `state` that contradict the trail or a file.
+
+    @property
+    def intact(self) -> bool:
+        """Whether nothing contradicts the trail and the files of its certificates."""
+        return not self.faults
 
 
 def read_site_trail(report: ProgressCallback) -> SiteTrail:
@@ -43,7 +48,7 @@ def read_site_trail(report: ProgressCallback) -> SiteTrail:
     texts = _verification(audit_path(folder), state.trail, faults)
     if state.key_error is not None:
         texts = (*texts, state.key_error.as_text)
-    return SiteTrail(state.trail, texts, not faults)
+    return SiteTrail(state.trail, texts, faults)
 
 
 def _contradicting_files(folder: Path) -> tuple[Text, ...]:
@@ -58,8 +63,8 @@ def _contradicting_files(folder: Path) -> tuple[Text, ...]:
 def read_trail_copy(path: Path) -> SiteTrail:
     """Read and verify a copy of an audit trail with the key that it contains. Raises InputError."""
     trail = read_audit(path)
-    faults = [] if trail.damage is None else [damage_text(path, trail.damage)]
-    return SiteTrail(trail, _verification(path, trail, faults), not faults)
+    faults = () if trail.damage is None else (damage_text(path, trail.damage),)
+    return SiteTrail(trail, _verification(path, trail, faults), faults)
 
 
 def _verification(path: Path, trail: AuditTrail, faults: Sequence[Text]) -> tuple[Text, ...]:

@@ -103,7 +103,7 @@ def read_verified_trail(report: ProgressCallback, station: Path | None) -> SiteT
     if missing:
         names = [*missing[:_MAX_NAMES], *(["…"] if len(missing) > _MAX_NAMES else [])]
         found.append(Text.of("audit.files_missing", count=len(missing), names=names))
-    return replace(site, state=(*site.state, *found), intact=site.intact and not changed)
+    return replace(site, state=(*site.state, *found), faults=(*site.faults, *changed))
 
 
 def _successors() -> dict[str, str]:

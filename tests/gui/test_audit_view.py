@@ -71,14 +71,14 @@ def test_events_are_listed_and_filtered(page: HistoryPage, trail: Path, qtbot: Q
 @pytest.mark.parametrize(
     ("code", "shown"),
     [
-        ("en", ["kind station file, name bench", "site.latitude_deg: 40.0 → 41.5", "imu2: – → 3"]),
-        ("zh_CN", ["类别 工位文件", "名称 bench", "site.latitude_deg: 40.0 → 41.5", "imu2: – → 3"]),
+        ("en", ["kind station file, name bench", "Latitude (site.latitude_deg): 40.0 → 41.5", "imu2: – → a, b"]),
+        ("zh_CN", ["类别 工位文件", "名称 bench", "纬度（site.latitude_deg）: 40.0 → 41.5", "imu2: – → a、b"]),
     ],
 )
 def test_details_say_which_entry_of_a_file_changed_in_the_language_of_the_window(
     page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot, code: str, shown: list[str]
 ) -> None:
-    changed = {"site.latitude_deg": [40.0, 41.5], "imu2": [None, 3]}
+    changed = {"site.latitude_deg": [40.0, 41.5], "imu2": [None, ["a", "b"]]}
     append_audit(site_folder.home, "file_saved", "Li Na", kind="stations", name="bench", changed=changed)
     language.use(code)
     index = open_trail(page, qtbot).model().index(0, 5)
@@ -124,8 +124,11 @@ def test_a_changed_line_is_found_by_verification(page: HistoryPage, trail: Path,
     assert "is intact: 3 lines" in state.text()
     trail.write_text(trail.read_text("utf-8").replace("customer agrees", "nobody knows"), "utf-8")
     qtbot.mouseClick(button(page, "audit_verify_button"), Qt.MouseButton.LeftButton)
-    qtbot.waitUntil(lambda: "was changed at line 2" in state.text(), timeout=WAIT)
-    assert state.property("kind") == "error"
+    faults = page.audit.findChild(QLabel, "audit_faults_label")
+    qtbot.waitUntil(lambda: "was changed at line 2" in faults.text(), timeout=WAIT)
+    assert faults.property("kind") == "error"
+    assert "Verified at " in state.text()
+    assert ": 1 fault." in state.text()
 
 
 @pytest.mark.parametrize(
@@ -163,14 +166,15 @@ def test_files_of_certificates_are_compared_with_the_trail(
     open_trail(page, qtbot)
     state = page.audit.findChild(QLabel, "audit_state_label")
     assert missing in state.text()
-    assert state.property("kind") == ""
+    assert state.property("kind") != "error"
     with (folder / "N-2.pdf").open("ab") as file:
         file.write(b" ")
     qtbot.mouseClick(button(page, "audit_verify_button"), Qt.MouseButton.LeftButton)
-    qtbot.waitUntil(lambda: changed in state.text(), timeout=WAIT)
-    assert str(folder / "N-2.pdf") in state.text()
-    assert agreeing in state.text()
-    assert state.property("kind") == "error"
+    faults = page.audit.findChild(QLabel, "audit_faults_label")
+    qtbot.waitUntil(lambda: changed in faults.text(), timeout=WAIT)
+    assert str(folder / "N-2.pdf") in faults.text()
+    assert agreeing in state.text(), "not in red"
+    assert state.property("kind") != "error"
     language.use("en")
 
 
@@ -221,10 +225,10 @@ def test_lines_after_a_changed_first_line_are_listed_as_unverified(
     trail.write_text(trail.read_text("utf-8").replace("Li Na", "Li Nu", 1), "utf-8")
     language.use(code)
     table = open_trail(page, qtbot)
-    state = page.audit.findChild(QLabel, "audit_state_label")
-    assert changed in state.text()
-    assert later in state.text()
-    assert wrong not in state.text()
+    faults = page.audit.findChild(QLabel, "audit_faults_label").text()
+    assert changed in faults
+    assert wrong not in faults
+    assert later in page.audit.findChild(QLabel, "audit_state_label").text()
     assert len(events(table)) == 2
     assert button(page, "audit_export_button").isEnabled()
     language.use("en")
@@ -238,14 +242,14 @@ def test_a_pin_or_a_version_without_the_trail_of_its_event_is_a_fault(
     versions.save("products", "nav_a", library.find("products", "nav_a").read_text("utf-8"), "Li Na")
     language.use(code)
     open_trail(page, qtbot)
-    state = page.audit.findChild(QLabel, "audit_state_label")
-    assert state.property("kind") == ""
+    state = page.audit.findChild(QLabel, "audit_faults_label")
+    assert not state.text()
     for name in ("audit.jsonl", "station.key", "station.head"):
         (site_folder.home / name).unlink()
     for witness in ("engineer.json", "versions"):
         qtbot.mouseClick(button(page, "audit_verify_button"), Qt.MouseButton.LeftButton)
         qtbot.waitUntil(lambda name=witness: words in state.text() and name in state.text(), timeout=WAIT)
-        assert state.property("kind") == "error"
+        assert page.audit._icon._kind == "bad"
         path = site_folder.home / witness
         path.rename(path.with_name(f"former_{witness}"))
     language.use("en")
@@ -272,4 +276,5 @@ def test_without_a_trail_the_view_says_so(page: HistoryPage, qtbot: QtBot) -> No
     table = open_trail(page, qtbot)
     assert events(table) == []
     assert "There is no audit trail yet" in page.audit.findChild(QLabel, "audit_state_label").text()
+    assert page.audit._icon._kind == "none"
     assert not button(page, "audit_export_button").isEnabled()

@@ -23,6 +23,7 @@ from calstation.gui.widgets import (
     label,
     line_edit,
     row,
+    show_text,
     theme,
 )
 from calstation.messages import Text, known, local_time
@@ -72,6 +73,8 @@ class AuditView(JobView):
         self.back_button = button("audit_back_button", "history.back_to_list", back)
         self.setFocusProxy(self.back_button)
         self._icon, self._state = StateIcon(20), label(wrap=True, name="audit_state_label", selectable=True)
+        self._faults = label(kind="error", wrap=True, name="audit_faults_label", selectable=True)
+        self._verified = ""  #: Time of the verification.
         self._search = line_edit("audit_search_edit", self._refresh, hint="history.audit_search")
         self._event, self._person = (combo_box(f"audit_{name}_combo", characters=14) for name in ("event", "person"))
         self._period = combo_box("audit_time_combo", _PERIODS, characters=10)
@@ -100,7 +103,7 @@ class AuditView(JobView):
         column(
             row(self.back_button, label("history.audit_trail", "section"), (jobs, 1), spacing=2 * theme.GRID),
             self.notice,
-            row(self._icon, (self._state, 1)),
+            row(self._icon, (column(self._faults, self._state, spacing=0), 1)),
             row(*filters),
             (self.table, 1),
             on=self,
@@ -117,7 +120,7 @@ class AuditView(JobView):
         self._reader.start(self.app.station_path)
 
     def _show_trail(self, trail: SiteTrail) -> None:
-        self._trail = trail
+        self._trail, self._verified = trail, f"{datetime.now():%Y-%m-%d %H:%M:%S}"
         self._show_texts()
 
     def _show_texts(self) -> None:
@@ -128,9 +131,13 @@ class AuditView(JobView):
         events = [(term("audit_event", name), name) for name in names]
         fill_combo(self._event, [(say("history.audit_every_event"), ""), *events])
         fill_combo(self._person, [(say("history.audit_everyone"), ""), *((name, name) for name in people)])
-        self._icon.set_kind(_STATES[None if trail is None else trail.intact])
-        self._state.setText("" if trail is None else "\n".join(map(say, trail.state)))
-        theme.set_kind(self._state, "error" if trail is not None and not trail.intact else "")
+        is_begun = trail is not None and (trail.trail.digests or trail.faults)
+        self._icon.set_kind(_STATES[trail.intact if trail is not None and is_begun else None])
+        faults = () if trail is None else trail.faults
+        others = () if trail is None else tuple(each for each in trail.state if each not in faults)
+        show_text(self._faults, "\n".join(map(say, faults)))
+        verified = [say("history.audit_verified", time=self._verified, count=len(faults))] if trail is not None else []
+        self._state.setText("\n".join([*verified, *map(say, others)]))
         self._refresh()
 
     def _refresh(self, _: object = None) -> None:
@@ -183,7 +190,8 @@ def _value_lines(values: Mapping[str, Any], *, names_only: bool = False) -> list
     changed = values.get(_CHANGED)
     if isinstance(changed, dict):
         lines += [
-            f"{key}: {_changed_text(before)} → {_changed_text(after)}" for key, (before, after) in changed.items()
+            f"{_entry_name(key)}: {_changed_text(before)} → {_changed_text(after)}"
+            for key, (before, after) in changed.items()
         ]
     return lines
 
@@ -194,8 +202,17 @@ def _part_text(name: str, part: Any) -> str:
     return f"{title} {part}".rstrip()
 
 
+def _entry_name(key: str) -> str:
+    """Return the name of an entry of a file on the Station page with its key, or only the key."""
+    names = (key.replace(".", "_"), key.rpartition(".")[2])
+    name = next((each for each in names if known(f"setting.{each}")), None)
+    return key if name is None else say("history.audit_entry", name=say(f"setting.{name}"), key=key)
+
+
 def _changed_text(value: Any) -> str:
     """Return a value of a file; a missing one is shown as a dash."""
+    if isinstance(value, list):
+        return say("common.comma").join(map(_changed_text, value))
     return "–" if value is None else str(value)
 
 
