@@ -13,7 +13,6 @@ import numpy as np
 from calstation.bench import BenchConfig
 from calstation.bench.truth import GRID, GradeName
 from calstation.config import RunConfiguration, RunRequest, library, load_configuration
-from calstation.designer import Prediction
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import Posterior, SampleBlock, TemperatureModel
 from calstation.estimation.navigation import temperature_parts
@@ -128,6 +127,8 @@ def _setting(stage: str, grade: GradeName) -> _Setting:
     schedule = validate(method(SOAK).schedule, values, f"schedule.{SOAK}")
     steps = [step for step in method(SOAK).plan(setup.table.geometry(), schedule) if isinstance(step, Move | Dwell)]
     cycle = steps[1 : 1 + 2 * len(values["moves"])]
+    from calstation.designer import Prediction  # a global import would delay the first paint
+
     prediction = Prediction(setup.log_meta(), model, cycle, setup.table.settle_s)
     posterior = prediction.posterior(1, after_soak=not is_ramp)
     model = replace(model, rate_term=RATE_TERM if is_ramp else model.rate_term, has_lag=is_ramp)

@@ -196,9 +196,9 @@ def test_changed_file_of_a_replaced_certificate_is_not_to_be_printed_again(
     language.use(code)
     open_trail(page, qtbot)
     qtbot.mouseClick(button(page, "audit_verify_button"), Qt.MouseButton.LeftButton)
-    state = page.audit.findChild(QLabel, "audit_state_label")
-    qtbot.waitUntil(lambda: sentence in state.text().replace("\n", " "), timeout=WAIT)
-    assert "rint the certificate again" not in state.text()
+    faults = page.audit.findChild(QLabel, "audit_faults_label")
+    qtbot.waitUntil(lambda: sentence in faults.text().replace("\n", " "), timeout=WAIT)
+    assert "rint the certificate again" not in faults.text()
     language.use("en")
 
 

@@ -34,10 +34,12 @@ def test_effect_has_an_error_for_every_component_and_none_without_input(effect: 
     assert not effect.errors(Motion.steady(still, still, np.arange(50.0))).any()
     if effect.velocity is not None:
         assert not errors.any()
-        axes = np.stack([np.broadcast_to(np.eye(3)[k], (50, 3)) for k in (0, 2)])
-        errors = effect.velocity(OuterTurn(*axes, random.normal(size=50)))
+        angle = random.normal(size=51)
+        inner = np.stack([np.zeros(51), np.sin(angle), np.cos(angle)], axis=1)
+        axis, durations = np.broadcast_to(np.eye(3)[0], (50, 3)), np.full(50, 0.5)
+        errors = effect.velocity(OuterTurn(axis, inner[:-1], inner[1:], durations))
         assert errors.shape == (50, 3, len(effect.components))
-        assert not effect.velocity(OuterTurn(*axes, np.zeros(50))).any()
+        assert not effect.velocity(OuterTurn(axis, inner[1:], inner[1:], durations)).any()
     assert np.abs(errors).max(axis=(0, 1)).min() > 0.0
     assert effect.plausible is not None
 
