@@ -176,7 +176,12 @@ def test_form_creates_the_request(designer: Designer) -> None:
     request = form.request(None, product, stop)
     assert (request.margin, request.duration, request.as_present) == (0.7, None, False)
     assert (request.time_limit, request.seed, request.acceleration_dps2) == (90.0, 3, None)
-    assert request.rate_dps == pytest.approx(50.0), "500 is more than the table reaches, so its last digit is refused"
+    assert request.rate_dps is None, "500 is more than the table reaches"
+    message = designer.widget("design_rate_spin_message", QLabel)
+    assert message.text().startswith("500 was not accepted. Enter 0 to ")
+    language.use("zh_CN")
+    assert message.text().startswith("未接受 500")
+    language.use("en")
     combo = designer.widget("design_goal_combo", QComboBox)
     combo.setFocus()
     designer.qtbot.keyClick(combo, Qt.Key.Key_Down)

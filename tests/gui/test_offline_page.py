@@ -333,6 +333,33 @@ def test_range_boxes_and_plot_region_stay_synchronised_within_the_log(
     assert (first.value(), last.value()) == (facts.first_seq, facts.last_seq)
 
 
+def test_number_outside_the_log_does_not_change_the_range(page: OfflinePage, run_log: Path, qtbot: QtBot) -> None:
+    opened(page, run_log, qtbot)
+    assert page.log is not None
+    facts = page.log.facts
+    first, last = spins(page)
+    first.setValue(100)
+    outside = f"{10 * (facts.last_seq + 1)}"
+    for spin, typed in ((last, outside), (first, "12.5"), (last, f"{facts.last_seq + 1}")):
+        spin.setFocus()
+        spin.selectAll()
+        qtbot.keyClicks(spin, typed)
+        assert spin.lineEdit().text() == typed
+        assert not page.range.note_label.isVisible()
+        qtbot.keyClick(spin, Qt.Key.Key_Tab)
+        assert (first.value(), last.value()) == (100, facts.last_seq)
+        assert page.range.note_label.text().startswith(f"{typed} is not in this log")
+    language.use("zh_CN")
+    assert page.range.note_label.text().startswith(f"{facts.last_seq + 1} 不在此记录内")
+    language.use("en")
+    edit = page.findChild(QLineEdit, "log_edit")
+    edit.clear()
+    qtbot.keyClicks(edit, str(run_log))
+    qtbot.keyClick(edit, Qt.Key.Key_Return)
+    qtbot.waitUntil(lambda: first.value() == facts.first_seq, timeout=WAIT)
+    assert not page.range.note_label.isVisible()
+
+
 def test_sigma_above_its_limit_marks_only_the_sigma(qtbot: QtBot) -> None:
     row = {"value": 1e-4, "sigma": 1e-6, "unit": "1", "stage": "rate"}
     checks = [

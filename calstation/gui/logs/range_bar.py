@@ -1,10 +1,10 @@
 """Widgets that select the range of sequence numbers and the stages of a log that are solved."""
 
-from PySide6.QtCore import QSignalBlocker, Qt, Signal
-from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QDoubleSpinBox, QMenu, QWidget
+from PySide6.QtCore import QSignalBlocker, Signal
+from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QMenu, QWidget
 
 from calstation.gui.text import Words, duration_text, on_language_change, say, term
-from calstation.gui.widgets import button, column, enable, grid, label, row, show_text, theme
+from calstation.gui.widgets import LimitedSpin, button, column, enable, grid, label, row, show_text, theme
 from calstation.messages import Text
 from calstation.results.plots import LogIndex, StageSpan
 
@@ -14,17 +14,12 @@ _COLUMNS = 4
 _MAX_VALUE = 2**53
 
 
-class CountSpin(QDoubleSpinBox):
+class CountSpin(LimitedSpin):
     """A spin box for integers up to 2^53, which emits a value only when it has been entered."""
 
     def __init__(self, name: str) -> None:
-        super().__init__()
+        super().__init__(0, _MAX_VALUE, 0)
         self.setObjectName(name)
-        self.setDecimals(0)
-        self.setRange(0, _MAX_VALUE)
-        self.setKeyboardTracking(False)
-        self.setButtonSymbols(QAbstractSpinBox.ButtonSymbols.NoButtons)
-        self.setAlignment(Qt.AlignmentFlag.AlignRight)
         self.setStepType(QAbstractSpinBox.StepType.AdaptiveDecimalStepType)
         self.setMinimumWidth(19 * theme.GRID)
 
@@ -43,14 +38,13 @@ class RangeBar(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._log_index: LogIndex | None = None
-        self._typed = ""
         self.first_spin, self.last_spin = CountSpin("first_seq_spin"), CountSpin("last_seq_spin")
         first, last = label("logs.first_sample"), label("logs.last_sample")
         for caption, spin in ((first, self.first_spin), (last, self.last_spin)):
             caption.setBuddy(spin)
             spin.valueChanged.connect(lambda _, spin=spin: self._accept_value(spin))
-            spin.lineEdit().textEdited.connect(self._handle_typing)
-            spin.editingFinished.connect(lambda spin=spin: self._explain_rejection(spin))
+            spin.lineEdit().textEdited.connect(lambda _: self._show_note(""))
+            spin.rejected.connect(self._explain_rejection)
         self.length_label = label(kind="muted")
         self.set_button = button("range_button", "logs.set_to", tip="logs.set_to_tip")
         self._menu = QMenu(self)
@@ -64,6 +58,7 @@ class RangeBar(QWidget):
     def show_log(self, log_index: LogIndex) -> None:
         """Set the limits to the range of a log, and select the whole log."""
         self._log_index = log_index
+        self._show_note("")
         self.set_range(log_index.facts.first_seq, log_index.facts.last_seq)
         self._fill_menu()
 
@@ -122,24 +117,18 @@ class RangeBar(QWidget):
     def _accept_value(self, spin: CountSpin) -> None:
         """Accept a new value, limited by the value of the other box."""
         first, last = self.range
-        self._show_note(str)
+        self._show_note("")
         if first > last and spin is self.first_spin:
             first = last
             self._show_note(Text.of("logs.first_clipped", last=last))
         elif first > last:
             last = first
             self._show_note(Text.of("logs.last_clipped", first=last))
-        self._typed = ""
         self.choose(first, last)
 
-    def _handle_typing(self, text: str) -> None:
-        self._typed = text
-        self._show_note(str)
-
-    def _explain_rejection(self, spin: CountSpin) -> None:
-        """Explain why a number outside the log is rejected."""
-        typed, self._typed = self._typed, ""
-        if self._log_index is not None and typed and typed != spin.lineEdit().text():
+    def _explain_rejection(self, typed: str) -> None:
+        """Explain why an entered text is not a sample of the log."""
+        if self._log_index is not None:
             facts = self._log_index.facts
             outside = Text.of("logs.sample_outside", sample=typed, first=facts.first_seq, last=facts.last_seq)
             self._show_note(outside)

@@ -19,6 +19,7 @@ from calstation.gui.widgets.inputs import (
     EditableBox,
     Editor,
     FlagBox,
+    LimitedSpin,
     NumberEdit,
     ScanEdit,
     SpinEdit,

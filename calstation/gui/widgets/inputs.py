@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from PySide6.QtCore import QLocale, QSignalBlocker, Qt, Signal
-from PySide6.QtGui import QMouseEvent, QWheelEvent
+from PySide6.QtGui import QMouseEvent, QValidator, QWheelEvent
 from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QComboBox, QDoubleSpinBox, QLineEdit, QWidget
 
 from calstation.gui.text import on_language_change, with_minus, without_minus
@@ -165,19 +165,49 @@ class FlagBox(QCheckBox):
         self.setChecked(bool(value))
 
 
-class SpinEdit(QDoubleSpinBox):
-    """A number input that accepts only numbers between two limits."""
+class LimitedSpin(QDoubleSpinBox):
+    """A number input without buttons that keeps its value, and emits `rejected(text)`, if another text is entered.
 
-    typed = Signal()
+    Every text can be typed, because a number whose last digit is ignored is another number.
+    """
 
-    def __init__(self, low: float, high: float, step: float, decimals: int) -> None:
+    rejected = Signal(str)
+
+    def __init__(self, low: float, high: float, decimals: int) -> None:
         super().__init__()
         self.setLocale(QLocale.c())
         self.setDecimals(decimals)
         self.setRange(low, high)
-        self.setSingleStep(step)
+        self.setKeyboardTracking(False)
         self.setButtonSymbols(QAbstractSpinBox.ButtonSymbols.NoButtons)
         self.setAlignment(Qt.AlignmentFlag.AlignRight)
+        self._entered = ""
+        self.lineEdit().textEdited.connect(self._note_text)
+        self.editingFinished.connect(self._check_entered)
+
+    def validate(self, text: str, position: int) -> Any:
+        """Return whether a text is acceptable; other texts may be typed, but are not entered."""
+        state, *others = super().validate(text, position)  # type: ignore[misc]
+        invalid = state == QValidator.State.Invalid
+        return (QValidator.State.Intermediate if invalid else state, *others)
+
+    def _note_text(self, text: str) -> None:
+        self._entered = text
+
+    def _check_entered(self) -> None:
+        text, self._entered = self._entered.strip(), ""
+        if text and self.validate(text, len(text))[0] != QValidator.State.Acceptable:
+            self.rejected.emit(text)
+
+
+class SpinEdit(LimitedSpin):
+    """A number input of a form that accepts only numbers between two limits."""
+
+    typed = Signal()
+
+    def __init__(self, low: float, high: float, step: float, decimals: int) -> None:
+        super().__init__(low, high, decimals)
+        self.setSingleStep(step)
         self.setMinimumWidth(11 * theme.GRID)
         self.valueChanged.connect(lambda _: self.typed.emit())
 

@@ -23,6 +23,7 @@ from calstation.gui.widgets import (
     show_text,
     theme,
 )
+from calstation.messages import Text
 
 if TYPE_CHECKING:
     from calstation.designer import DesignRequest
@@ -160,10 +161,22 @@ class _SpinField(FormField):
         self.grid.setVerticalSpacing(0)
         self.grid.addWidget(self.label, 0, 0)
         self.grid.addWidget(spin, 1, 0)
+        self.grid.addWidget(self.message, 2, 0)
         self.label.setWordWrap(False)
         bind(spin.setToolTip, tip or f"engineer.{name}_tip")
         if zero:
             bind(spin.setSpecialValueText, zero)
+        spin.rejected.connect(self._explain)
+        spin.lineEdit().textEdited.connect(lambda _: self._warn(""))
+
+    def _explain(self, typed: str) -> None:
+        """Explain why an entered text is not accepted."""
+        low, high, step = (f"{x:g}" for x in (self.spin.minimum(), self.spin.maximum(), 10.0 ** -self.spin.decimals()))
+        self._warn(Text.of("engineer.number_not_accepted", typed=typed, low=low, high=high, step=step))
+
+    def _warn(self, warning: Words) -> None:
+        self.warning = warning
+        self.refresh()
 
 
 class SaveBar(NameBar):
