@@ -187,6 +187,28 @@ def test_parts_are_offered_only_for_a_product_with_their_stages(engineer: Engine
     assert "or single stages" not in engineer.says()
 
 
+def test_product_that_cannot_be_read_replaces_the_previous_one(engineer: Engineer, site_folder: SiteFolder) -> None:
+    engineer.unlock()
+    good = engineer.window.app.product_path
+    broken = site_folder.folder / "broken.toml"
+    broken.write_text("name = \n", encoding="utf-8")
+    engineer.window.app.set_product(broken)
+    problem = engineer.widget("choice_problem_label", QLabel)
+    for code, said in (("en", "Product: broken"), ("zh_CN", "产品：broken")):
+        language.use(code)
+        assert engineer.widget("choice_product_label", QLabel).text() == said
+        assert problem.isVisible()
+        assert "broken.toml" in problem.text()
+        assert problem.text() == engineer.why_not("engineer_start_button")
+        for name in ("stage_check_rate", "save_product_button", "save_reason_label"):
+            assert not engineer.widget(name).isVisible()
+    language.use("en")
+    engineer.window.app.set_product(good)
+    assert not problem.isVisible()
+    engineer.until(lambda: engineer.widget("stage_check_rate").isVisible())  # its predecessor is deleted first
+    assert engineer.widget("save_reason_label", QLabel).text() == "The values of this stage are those of the product."
+
+
 def test_single_stages_can_be_chosen_in_any_order(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("stage_check_rate", "stage_check_excitation")

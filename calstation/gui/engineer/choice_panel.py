@@ -45,10 +45,11 @@ class ChoicePanel(QFrame):
         super().__init__()
         self.setProperty("kind", "panel")
         self._forms: dict[str, ScheduleForm] = {}
-        self._options: ScheduleOptions | None = None
+        self._name = ""
         self._new_pin = False
         self.selector = StageSelector()
         self._product = label(kind="muted", name="choice_product_label", wrap=True)
+        self._problem = label(kind="error", name="choice_problem_label", wrap=True)
         self._heading, self._lock_label = label(kind="section"), label(kind="muted", wrap=True)
         self._unlock_button = button("unlock_schedule_button", pressed=self.unlock_requested)
         self._reset_button = button("reset_schedule_button", "engineer.reset", lambda: self.form.reset())
@@ -62,6 +63,7 @@ class ChoicePanel(QFrame):
             widget.setAutoFillBackground(False)
         column(
             self._product,
+            self._problem,
             self._lock_label,
             self._unlock_button,
             self.selector,
@@ -93,14 +95,25 @@ class ChoicePanel(QFrame):
 
     def show_options(self, options: ScheduleOptions) -> None:
         """List the stages of a product, and create the forms for their schedules."""
-        self._options = options
+        self._name = options.name
         clear(self._form_box)
         self._forms = {stage: ScheduleForm(stage, options) for stage in options.offered}
         for form in self._forms.values():
             form.changed.connect(self.changed)
             form.hide()
             self._form_box.addWidget(form)
+        show_text(self._problem, "")
+        self.selector.show()
         self.selector.offer(options.offered, options.stages)
+
+    def show_problem(self, product: str, problem: str) -> None:
+        """Show only the name of a product and why it cannot be run, instead of the stages of the previous one."""
+        self._name = product
+        self.selector.hide()
+        for form in self._forms.values():
+            form.hide()
+        show_text(self._problem, problem)
+        self._show_texts()
 
     def lock(self, busy: str, role: str, save: str, *, new_pin: bool) -> None:
         """Disable all inputs for the reason `busy` or `role`, and saving also for the reason `save`, where "" is none.
@@ -112,21 +125,20 @@ class ChoicePanel(QFrame):
         self.selector.lock(busy or role)
         for form in self._forms.values():
             form.lock(busy or role)
-        show_text(self._lock_label, role)
-        self._unlock_button.setVisible(bool(role))
+        usable = self.selector.isVisibleTo(self)
+        show_text(self._lock_label, role if usable else "")
+        self._unlock_button.setVisible(bool(role) and usable)
         for widget in (self._reset_button, self._save_button):
-            widget.setVisible(not role)
+            widget.setVisible(not role and usable)
         enable(self._reset_button, busy or role, say("engineer.back_to_product_values"))
         enable(self._save_button, busy or role or save)
-        show_text(self._reason, "" if role else busy or save)
+        show_text(self._reason, busy or save if usable and not role else "")
 
     def _show_texts(self) -> None:
         self._unlock_button.setText(say("engineer.set_pin" if self._new_pin else "engineer.enter_pin"))
-        stage = self.selector.current
+        stage = self.selector.current if self.selector.isVisibleTo(self) else ""
         self._heading.setText(say("engineer.schedule_of", stage=stage) if stage else "")
-        options = self._options
-        product = "" if options is None else product_text(options.name)
-        show_text(self._product, product and say("engineer.for_product", product=product))
+        show_text(self._product, self._name and say("engineer.for_product", product=product_text(self._name)))
 
     def _show_form(self, stage: str) -> None:
         for name, form in self._forms.items():

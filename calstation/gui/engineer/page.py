@@ -154,7 +154,6 @@ class EngineerPage(Page):
         self._slots.set_next_run(virtual=options is not None and options.virtual, products=own)
         self._tabs.setTabVisible(self._views.indexOf(self._slots), options is not None and bool(options.slots))
         self.design.offer(options)
-        self.choice.setEnabled(options is not None and bool(options.offered))
         if options is not None and options.offered:
             self.choice.show_options(options)  # before the number is suggested, which updates the page
         if self._header.serial in ("", self._suggested):
@@ -358,6 +357,9 @@ class EngineerPage(Page):
         name = "" if self.app.person else say("engineer.no_name")
         device = say("engineer.communicating") if self.registers.watch.busy else ""
         problem, choice = self._why_no_options(), self._why_no_choice()
+        if problem:
+            file = self.app.product_path
+            self.choice.show_problem(options.name if options is not None else file.stem if file else "", problem)
         stages = self.choice.selector.stages
         self._header.show_partial(partial=options is not None and bool(stages) and not {*options.stages} <= {*stages})
         for edit in (self._header.serial_edit, self._header.engineer_edit):
@@ -417,8 +419,10 @@ class EngineerPage(Page):
         return None if valid(header.serial) else Text.of("engineer.wrong_serial", example=options.serial_example)
 
     def _why_not_save(self) -> str:
-        if self._options is None or not self._options.offered or self._saving.busy:
+        if self._saving.busy:
             return say("engineer.saving")
+        if self._why_no_options():
+            return ""
         if not self.choice.form.valid:
             return say("engineer.wrong_values")
         return "" if self.choice.form.deviations else say("engineer.values_of_product")
