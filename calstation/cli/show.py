@@ -22,7 +22,7 @@ from calstation.escaping import for_terminal
 from calstation.jobs import ProgressCallback
 from calstation.judgement import Check
 from calstation.messages import Text, known
-from calstation.physics import DEGREE, display, display_by_unit, number
+from calstation.physics import DEGREE, display, display_by_unit, number, unit_of_parameter
 from calstation.results import PositionResidual, Result, write_json
 
 #: Mark of a rest or move by its state: "!" for notable residuals, "!!" for residuals that contradict the model.
@@ -211,6 +211,8 @@ _CHECK_UNITS = {"latitude": ("°", DEGREE), "sample_clock": ("ppm", 1e-6)}
 def _check_line(check: Check) -> str:
     verdict = "cli.verdict_outside" if not check.passed else "cli.verdict_near" if check.near_miss else "cli.verdict_ok"
     unit, size = _CHECK_UNITS.get(check.kind, (check.unit, 1.0))
+    if check.parameter:
+        unit, size = unit_of_parameter(check.parameter)
     unit = "" if unit == "1" else f" {unit}"
     location = say("cli.at_where", where=check.where) if str(check.where) else ""
     code = f"cli.check_{check.kind}"

@@ -7,6 +7,7 @@ from typing import Any
 
 from calstation.estimation import Diagnosis, ModelTest
 from calstation.messages import Text
+from calstation.physics import INDEX, PARAMETERS
 from calstation.records import MODEL_KINDS, NEAR_MISS_FRACTION, CheckId, CheckKind
 
 
@@ -107,6 +108,12 @@ class Check:
     def margin(self) -> float:
         """Distance of the value from `compared_with`, in `unit`; negative if exceeded."""
         return _margin(self.value, self.compared_with)
+
+    @property
+    def parameter(self) -> str:
+        """Name of the parameter in whose unit the value at `where` is, or ""."""
+        name = self.where.parameter
+        return name if name in INDEX and PARAMETERS[INDEX[name]].unit == self.unit else ""
 
     @property
     def cause_text(self) -> Text | None:

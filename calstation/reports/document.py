@@ -213,6 +213,8 @@ class _Document:
 
     def _check(self, check: Check) -> dict[str, Any]:
         unit, size = _UNITS.get(check.kind) or check_unit(check.unit)
+        if check.parameter:
+            unit, size = unit_of_parameter(check.parameter)
         if isinstance(check.limit, tuple):
             limit = interval(*check.limit, size, check.value)
         else:

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QPushButton
 from calstation.gui.operator import advice
 from calstation.gui.operator.questions import ask as ask_notice
 from calstation.gui.text import check_text, fault_text, language, rendered, say
-from calstation.judgement import Check
+from calstation.judgement import Check, Where
 from calstation.messages import Text, catalogue
 from calstation.physics import limit_number
 from calstation.sequencer import Fault
@@ -49,11 +49,23 @@ def test_limits_have_as_many_digits_as_were_entered(limit: float, value: float, 
         (Check.compare("sample_clock", 1.339e-5, 9.579e-5, "1"), "13.39", "≤ 95.79", "ppm"),
         (Check.compare("prior", 4.6e12, 5.0, "sigma"), "> 1000000000", "≤ 5", "σ"),
         (Check.compare("within", 1e-5, (-1.5e-5, 1.5e-5), "rad/s", subject="gyro_bias_x"), "2.063", "±3.1", "°/h"),
+        (
+            Check.compare("hysteresis", 1e-5, 2.9e-5, "rad/s", subject="rate", where=Where("gyro_bias_x")),
+            *("2.063", "≤ 6", "°/h"),
+        ),
     ],
 )
 def test_checks_have_units_and_numbers_without_exponents(check: Check, value: str, limit: str, unit: str) -> None:
     text = check_text(check)
     assert (text.value, text.limit, text.unit) == (value, limit, unit)
+
+
+def test_check_of_rising_and_falling_temperature_names_half_the_difference() -> None:
+    check = Check.compare("hysteresis", 1e-5, 2.9e-5, "rad/s", subject="rate", where=Where("gyro_bias_x"))
+    assert "half their difference" in check_text(check).sentence
+    language.use("zh_CN")
+    assert "差值的一半" in check_text(check).sentence
+    language.use("en")
 
 
 def test_reason_names_further_checks_in_words() -> None:

@@ -105,9 +105,9 @@ def _unit(check: Check) -> tuple[str, float]:
         return "°", DEGREE
     if check.kind == "sample_clock":
         return "ppm", 1e-6
-    name = check.subject
+    name = check.parameter or check.subject
     if check.kind == "previous":
-        name = next((p.name for p in PARAMETERS if p.group == name), name)
+        name = next((p.name for p in PARAMETERS if p.group == check.subject), name)
     if name in INDEX or further_parameter(name) is not None:
         factor, unit = display(name, 1.0)
         return unit if unit != "1" else "", 1.0 / factor
