@@ -186,11 +186,13 @@ class History:
 
     def previous(self, serial: str, before: str | None = None) -> Mapping[str, Parameter]:
         """Return the unit's latest estimate of each parameter from runs started before `before` (ISO 8601)."""
-        latest: dict[str, Parameter] = {}
-        for run in self._query(lambda: self._index.of_unit(serial, _SOLVED, before)):
-            sigmas = run.sigmas
-            latest = {n: Parameter(value=v, sigma=sigmas.get(n, 0.0)) for n, v in run.values.items()} | latest
-        return latest
+        return _latest(self._query(lambda: self._index.of_unit(serial, _SOLVED, before)))
+
+    def previous_of_product(self, result: Result) -> tuple[Mapping[str, Parameter], str]:
+        """Return the unit's latest earlier estimates with the same product, and when the latest of them started."""
+        earlier = self._query(lambda: self._index.of_unit(result.serial, _SOLVED, result.started_utc))
+        runs = [run for run in earlier if run.record.product == result.product and run.values]
+        return _latest(runs), runs[0].record.started_utc if runs else ""
 
     def solved(self, serial: str, limit: int) -> list[IndexedRun]:
         """Return the unit's solved runs with their values, at most the latest `limit`, the oldest first."""
@@ -459,3 +461,12 @@ def count_shift(report: ProgressCallback, folder: Path, station: str, since: dat
         on_table[key] = max(run.duration, on_table.get(key, 0.0))
     mean = sum(on_table.values()) / len(runs) if runs else None
     return ShiftCount(passed, len(runs) - passed, mean, partial_failed)
+
+
+def _latest(runs: list[IndexedRun]) -> Mapping[str, Parameter]:
+    """Return the estimate of each parameter from the first of the runs that has it."""
+    latest: dict[str, Parameter] = {}
+    for run in runs:
+        sigmas = run.sigmas
+        latest = {n: Parameter(value=v, sigma=sigmas.get(n, 0.0)) for n, v in run.values.items()} | latest
+    return latest

@@ -255,9 +255,10 @@ class FinishedRun:
 
     result: Result
     log: Path | None  #: The run's log; None if it is missing.
-    previous: Mapping[str, Parameter]  #: The unit's latest earlier estimate of each parameter.
+    previous: Mapping[str, Parameter]  #: The unit's latest earlier estimate of each parameter with the same product.
     #: Labels of the moves by the number of the step; empty if the log cannot be read or has none.
     step_labels: Mapping[int, tuple[str | float, ...]] = field(default_factory=dict)
+    previous_utc: str = ""  #: Start of the latest run in `previous`, ISO 8601; "" if none is.
 
 
 def find_log(result: Result, path: Path) -> Path | None:
@@ -276,11 +277,12 @@ def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> Finis
     log = find_log(result, path) if path.suffix == ".json" else path
     report(0.9)
     previous: Mapping[str, Parameter] = {}
+    previous_utc = ""
     if runs.is_dir():
         history = History(runs)
         history.refresh()
-        previous = history.previous(result.serial, result.started_utc)
-    return FinishedRun(result, log, previous, _step_labels(log))
+        previous, previous_utc = history.previous_of_product(result)
+    return FinishedRun(result, log, previous, _step_labels(log), previous_utc)
 
 
 def _step_labels(log: Path | None) -> dict[int, tuple[str | float, ...]]:

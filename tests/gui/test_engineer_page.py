@@ -637,6 +637,13 @@ def test_result_of_another_profile_requires_its_own_product(engineer: Engineer) 
         lambda: "choose the result's own product, 'MEMS grade C'" in engineer.says().replace("Choose", "choose")
     )
     assert engineer.page.registers.target is None
+    engineer.press("read_registers_button")
+    engineer.until(lambda: engineer.page.registers.unit is not None)
+    for code, reason in (("en", "choose the result's own product"), ("zh_CN", "产品")):
+        language.use(code)
+        assert reason in engineer.why_not("write_registers_button").replace("Choose", "choose")
+        assert "MEMS" in engineer.why_not("write_registers_button")
+    language.use("en")
 
 
 def test_registers_of_the_previous_run_are_not_offered_for_the_next(engineer: Engineer) -> None:
@@ -701,6 +708,35 @@ def test_result_of_another_unit_is_marked_until_that_unit_is_scanned(engineer: E
     assert not badge.isVisible()
     assert engineer.page.analysis.serial == ""
     assert not engineer.run.in_progress
+
+
+@pytest.mark.parametrize(
+    ("code", "product", "compared", "other"),
+    [
+        (
+            "en",
+            "Product: MEMS grade C",
+            "compared with earlier runs of this product, the last of 2026-11-",
+            "of product",
+        ),
+        ("zh_CN", "产品：MEMS", "与本产品型号先前的运行比较，最近一次为 2026-11-", "这是产品型号"),
+    ],
+)
+def test_result_names_its_product_and_the_run_with_which_it_is_compared(
+    engineer: Engineer, code: str, product: str, compared: str, other: str
+) -> None:
+    engineer.window.app.set_language(code)
+    found = {"gyro_bias_x": {"value": 1e-6, "sigma": 1e-8, "unit": "rad/s", "stage": "six_position"}}
+    badge = engineer.widget("other_unit_badge", StateBadge)
+    run = replace(finished_run(found, product="MEMS grade C"), previous_utc="2026-11-02T08:00:00+00:00")
+    engineer.page.analysis._loaded(run)
+    engineer.show_view(1)
+    assert product in engineer.says()
+    assert compared in engineer.says()
+    assert badge.isVisible()
+    assert other in badge.text()
+    engineer.page.analysis._loaded(finished_run(found, product=engineer.page._options.name))
+    assert not badge.isVisible()
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from helpers import ignore_progress
 from calstation.errors import InputError
 from calstation.records import CheckId, IndexedRun, LogMeta, RawLogWriter, RunFilter, RunIndex, Verdict, acquire_lock
 from calstation.records.run_index import FILE
-from calstation.results import History, altered_entry, refresh_history
+from calstation.results import History, altered_entry, load_result, refresh_history
 from calstation.results import history as history_module
 from calstation.runs import find_resumable, recover_at_startup
 from tests.check_rows import check_row
@@ -136,6 +136,16 @@ def test_previous_value_of_each_parameter_is_the_latest(three: Path) -> None:
         "gyro_bias_y": 5.0,
     }
     assert history.previous("SN-9") == {}
+
+
+def test_result_is_compared_with_earlier_runs_of_its_product(three: Path) -> None:
+    write(three, "d", "SN-1", "passed", 3, values={"gyro_bias_x": 9.0}, product="MEMS grade C")
+    path = write(three, "e", "SN-1", "passed", 4, values={"gyro_bias_x": 3.0})
+    found, started = refreshed(three).previous_of_product(load_result(path))
+    assert {name: each.value for name, each in found.items()} == {"gyro_bias_x": 2.0, "gyro_bias_y": 5.0}
+    assert started == "2026-11-02T08:00:00+00:00"
+    other = write(three, "f", "SN-1", "passed", 5, product="tactical")
+    assert refreshed(three).previous_of_product(load_result(other)) == ({}, "")
 
 
 def test_refresh_reads_only_changed_files(three: Path) -> None:

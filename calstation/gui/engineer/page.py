@@ -395,11 +395,16 @@ class EngineerPage(Page):
         )
 
     def _show_other_unit(self) -> None:
-        """Say if the displayed result is not of the unit whose serial number is entered."""
+        """Say if the displayed result is not of the entered serial number, or not of the chosen product."""
         shown, entered = self.analysis.serial, self._header.serial
         differs = bool(shown and entered) and shown != entered and self._why_no_serial() is None
-        self._other_unit.setVisible(differs and self._views.currentWidget() not in (self.preview, self.design))
-        self._other_unit.show_state("caution", say("engineer.result_of_other_unit", shown=shown, entered=entered))
+        texts = [say("engineer.result_of_other_unit", shown=shown, entered=entered)] if differs else []
+        product, chosen = self.analysis.product, "" if self._options is None else self._options.name
+        if product and chosen and product != chosen:
+            names = {"shown": product_text(product), "chosen": product_text(chosen)}
+            texts.append(say("engineer.result_of_other_product", **names))
+        self._other_unit.setVisible(bool(texts) and self._views.currentWidget() not in (self.preview, self.design))
+        self._other_unit.show_state("caution", "  ·  ".join(texts))
 
     def _why_no_unit(self) -> str:
         slots, serial = self.app.slots, self._header.serial

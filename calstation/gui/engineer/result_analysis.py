@@ -14,7 +14,7 @@ from calstation.gui.engineer.diagnostics_views import InnovationsView, Residuals
 from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.operator import advice
 from calstation.gui.state import AppContext, ReleaseBar
-from calstation.gui.text import KINDS, Words, is_parameter_check, on_language_change, say, term
+from calstation.gui.text import KINDS, Words, is_parameter_check, on_language_change, product_text, say, term
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
     Cell,
@@ -165,6 +165,8 @@ class ResultView(QWidget):
         kind, verdict = verdict_badge(result)
         self._badge.show_state(kind, f"{result.serial}  ·  {verdict}")
         texts = []
+        if result.product:
+            texts.append(say("engineer.for_product", product=product_text(result.product)))
         if count := len(result.checks):
             passed = count - len(result.failed_checks)
             texts.append(say("engineer.checks_passed", passed=passed, count=count))
@@ -179,6 +181,8 @@ class ResultView(QWidget):
         if result.states_added:
             names = [term("group", state) for state in result.states_added]
             texts.append(say("event.states_added", states=names))
+        if finished.previous_utc:
+            texts.append(say("engineer.compared_with", time=local_time(finished.previous_utc)))
         self._summary.setText("  ·  ".join(texts))
         notes = advice.override_notes(result)
         if result.states_added and any(check.kind in _COMPENSATED for check in result.failed_checks):
@@ -363,6 +367,11 @@ class ResultAnalysis(QObject):
     def serial(self) -> str:
         """Serial number of the displayed run, or ""."""
         return "" if self._run is None else self._run.result.serial
+
+    @property
+    def product(self) -> str:
+        """Name of the product of the displayed run, or ""."""
+        return "" if self._run is None else self._run.result.product or ""
 
     def close(self) -> None:
         """Close the displayed run."""
