@@ -79,10 +79,12 @@ class RegistersView(QWidget):
         self._new: dict[str, Register] = {}
         self._why_not = ""
         self._error: Words = ""
+        #: Why the registers of the result could not be computed, or "".
+        self._why_no_target: Words = ""
         self._progress: Words = ""
         failed, cancelled = self._show_failure, self._refresh
         self.watch = app.job(self, read_unit, self._show_unit, failed=failed, cancelled=cancelled, cancellable=False)
-        self._target_watch = app.job(self, target_registers, self._show_target, failed=failed)
+        self._target_watch = app.job(self, target_registers, self._show_target, failed=self._refuse_target)
         self._lay_out()
         app.engine_link.event.connect(self._follow)
         app.product_changed.connect(self._product_changed)
@@ -136,7 +138,7 @@ class RegistersView(QWidget):
     def why_not_write(self) -> str:
         """Return the reason why the registers cannot be written yet, or "" if they can be written."""
         if self.target is None:
-            return say("engineer.no_target")
+            return say(self._why_no_target or "engineer.no_target")
         if self.unit is None:
             return say("engineer.no_unit")
         for serial in (self.unit.serial, self._request().serial):
@@ -230,7 +232,7 @@ class RegistersView(QWidget):
 
     def _show_target(self, target: TargetRegisters | None) -> None:
         self.target = target
-        self._verification = self._error = ""
+        self._verification = self._error = self._why_no_target = ""
         if target is None or self.unit is None or self.unit.serial != target.serial:
             self.unit = None
         self._fill()
@@ -243,6 +245,10 @@ class RegistersView(QWidget):
     def _show_progress(self, words: Words) -> None:
         self._progress = words
         self._refresh()
+
+    def _refuse_target(self, error: CalstationError) -> None:
+        self._why_no_target = error.as_text
+        self._show_failure(error)
 
     def _show_failure(self, error: CalstationError) -> None:
         self._show_error(error.as_text)
