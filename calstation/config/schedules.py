@@ -44,6 +44,7 @@ class ScheduleOptions:
     slots: tuple[str, ...] = ()  #: Names of the slots at a station with several units.
     slot_products: Mapping[str, str] = field(default_factory=dict)  #: Names of the slots' own products, by slot.
     over_temperature: bool = False  #: Whether the product is calibrated over temperature.
+    writes: bool = False  #: Whether a run writes the registers of a unit that passes.
 
 
 def schedule_options(station: Path | None, product: Path | None) -> ScheduleOptions:
@@ -76,6 +77,7 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
         geometry=geometry,
         slots=setup.station.slot_names,
         over_temperature=setup.product.temperature is not None,
+        writes=any(any(register.names) for register in setup.imu.registers),
     )
 
 

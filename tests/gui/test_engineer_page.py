@@ -710,6 +710,20 @@ def test_result_of_another_unit_is_marked_until_that_unit_is_scanned(engineer: E
     assert not engineer.run.in_progress
 
 
+def test_registers_that_a_partial_run_writes_are_announced_beside_start(engineer: Engineer) -> None:
+    engineer.unlock()
+    engineer.tick("stage_check_six_position")
+    for code, start, said in (
+        ("en", "START PARTIAL", "A PASS writes the registers of the unit"),
+        ("zh_CN", "", "合格后将写入产品的寄存器"),
+    ):
+        language.use(code)
+        assert start in engineer.widget("engineer_start_button", QPushButton).text()
+        shown = [label for label in engineer.page.header.findChildren(QLabel) if label.text() == said]
+        assert [label.isVisibleTo(engineer.page.header) for label in shown] == [True]
+    language.use("en")
+
+
 @pytest.mark.parametrize(
     ("code", "product", "compared", "other"),
     [

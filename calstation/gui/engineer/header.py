@@ -43,11 +43,12 @@ class EngineerHeader(QWidget):
         end_button = EndStageButton(run, "engineer_end_stage_button")
         pause_button = PauseButton(run, "engineer_pause_button")
         pause_button.setFixedSize(12 * theme.GRID, theme.BIG_BUTTON)
+        self._strip = RunStrip(run)
         row(
             serial,
             engineer,
             self.start_button,
-            (RunStrip(run), 1),
+            (self._strip, 1),
             end_button,
             pause_button,
             on=self,
@@ -61,6 +62,10 @@ class EngineerHeader(QWidget):
             self._partial = partial
             theme.set_kind(self.start_button, "partial" if partial else "primary")
             self._show_start()
+
+    def show_writes(self, text: str) -> None:
+        """Show next to START what the next run writes to the unit, or "" for nothing."""
+        self._strip.show_idle(text)
 
     @property
     def serial(self) -> str:

@@ -362,6 +362,8 @@ class EngineerPage(Page):
             self.choice.show_problem(options.name if options is not None else file.stem if file else "", problem)
         stages = self.choice.selector.stages
         self._header.show_partial(partial=options is not None and bool(stages) and not {*options.stages} <= {*stages})
+        writes = options is not None and options.writes and not problem and not busy
+        self._header.show_writes(say("engineer.pass_writes") if writes else "")
         for edit in (self._header.serial_edit, self._header.engineer_edit):
             enable(edit, busy)
         badge = say("operator.sign_in") if self.app.badge_required else ""

@@ -37,12 +37,18 @@ class RunStrip(QWidget):
 
     def __init__(self, run: RunStatus) -> None:
         super().__init__()
-        self._run = run
+        self._run, self._idle = run, ""
         self._badge, self._text, self._bar = StateBadge(theme.SECTION), ElidedLabel(), progress_bar(theme.GRID)
         parts = (self._badge, self._text, self._bar)
         column(None, *parts, None, on=self, spacing=theme.GRID // 2, margins=(0, 0, theme.GRID, 0))
         run.changed.connect(self._refresh)
         on_language_change(self, self._refresh)
+
+    def show_idle(self, text: str) -> None:
+        """Show a text about the next run while there is no run."""
+        if text != self._idle:
+            self._idle = text
+            self._refresh()
 
     def _refresh(self) -> None:
         run = self._run
@@ -54,6 +60,8 @@ class RunStrip(QWidget):
             parts = [chamber_reason(run)]
         elif run.remaining is not None:
             parts.append(say("common.time_left", time=duration_text(run.remaining)))
+        if self._idle and not parts and not run.in_progress:
+            parts = [self._idle]
         show_text(self._text, "  ·  ".join(parts))
         self._bar.setVisible(run.in_progress)
         self._bar.setValue(round(STEPS * run.fraction))
