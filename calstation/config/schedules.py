@@ -12,12 +12,13 @@ from calstation.config.editing import edit_toml, read_text
 from calstation.config.forms import FieldSpec, field_spec
 from calstation.config.product import in_file, unknown_targets
 from calstation.config.request import RunRequest
-from calstation.config.run_configuration import load_configuration
+from calstation.config.run_configuration import RunConfiguration, load_configuration
 from calstation.config.versions import Version
+from calstation.estimation.common import SolveContext
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text
 from calstation.parsing import parse_toml
-from calstation.physics import TableGeometry
+from calstation.physics import TableGeometry, group_of
 from calstation.schema import EntryError, Problem, problems_of
 from procedures import DEFAULT_STAGES, method
 
@@ -44,6 +45,8 @@ class ScheduleOptions:
     slots: tuple[str, ...] = ()  #: Names of the slots at a station with several units.
     slot_products: Mapping[str, str] = field(default_factory=dict)  #: Names of the slots' own products, by slot.
     over_temperature: bool = False  #: Whether the product is calibrated over temperature.
+    #: Smallest sigma limit of each parameter group, SI, by the last stage of the product that estimates it.
+    sigma_limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     writes: bool = False  #: Whether a run writes the registers of a unit that passes.
 
 
@@ -58,6 +61,7 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
     complete = load_configuration(RunRequest("offer", station, product, offered))
     geometry = setup.table.geometry()
     context = setup.solve_context()
+    estimates = {stage: method(stage).estimates(context) for stage in offered}
     return ScheduleOptions(
         product=setup.sources["product"].path,
         name=setup.product.name,
@@ -67,7 +71,8 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
         stages=setup.stages,
         offered=offered,
         schedules={stage: s.model_dump(mode="json") for stage, s in complete.schedules.items()},
-        estimates={stage: method(stage).estimates(context) for stage in offered},
+        estimates=estimates,
+        sigma_limits=_group_limits(setup, context),
         rate=float(np.rad2deg(min(geometry.limits.rate))),
         acceleration=float(np.rad2deg(min(geometry.limits.acceleration))),
         serial_pattern=setup.product.serial_pattern,
@@ -79,6 +84,16 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
         over_temperature=setup.product.temperature is not None,
         writes=any(any(register.names) for register in setup.imu.registers),
     )
+
+
+def _group_limits(setup: RunConfiguration, context: SolveContext) -> dict[str, dict[str, float]]:
+    """Return the smallest sigma limit of each parameter group, SI, by the last stage that estimates it."""
+    last = {name: stage for stage in setup.stages for name in method(stage).estimates(context)}
+    limits: dict[str, dict[str, float]] = {}
+    for name, sigma in setup.sigma_limits(context).items():
+        groups, group = limits.setdefault(last[name], {}), group_of(name)
+        groups[group] = min(sigma, groups.get(group, sigma))
+    return limits
 
 
 def schedule_fields(stage: str) -> tuple[FieldSpec, ...]:

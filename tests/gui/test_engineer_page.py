@@ -369,6 +369,24 @@ def test_schedule_is_validated_previewed_and_saved_to_the_product(
     assert "are those of the product" in engineer.why_not("save_product_button")
 
 
+def test_target_above_the_limit_of_the_product_is_a_caution(engineer: Engineer) -> None:
+    engineer.unlock()
+    engineer.window.app.set_product(library.find("products", "mems_c"))
+    engineer.until(lambda: engineer.page.choice.selector.stages == STAGES)
+    engineer.page.choice.selector.select("azimuth_flip")
+    limit = engineer.page._options.sigma_limits["azimuth_flip"]["gyro_bias"] * 206264.8
+    name = "schedule_azimuth_flip_targets_gyro_bias"
+    message = engineer.widget(f"{name}_message", QLabel)
+    for code, said in (("en", "the stage may end before it is reached"), ("zh_CN", "可能在达到限差之前就结束")):
+        engineer.window.app.set_language(code)
+        engineer.type(name, f"{1.1 * limit:.3f}")
+        assert said in message.text()
+        assert f"{limit:.2g} °/h" in message.text()
+        engineer.type(name, f"{0.9 * limit:.3f}")
+        assert said not in message.text()
+    engineer.window.app.set_language("en")
+
+
 def test_confirmation_prompt_disappears_when_its_subject_changes(engineer: Engineer) -> None:
     app = engineer.window.app
     engineer.unlock()

@@ -21,7 +21,7 @@ from calstation.gui.widgets import (
     typed_number,
 )
 from calstation.messages import known
-from calstation.physics import DISPLAY
+from calstation.physics import DISPLAY, limit_number
 from calstation.schema import KeyPath, Problem
 
 #: Suffix of the message code ``schedule.wrong_...`` for each pydantic error type; the default is ``number``.
@@ -49,11 +49,13 @@ class ScheduleForm(QWidget):
             options.schedules[stage], lambda values: schedule_problems(stage, values, options)
         )
         groups = dict.fromkeys(name.rpartition("_")[0] for name in options.estimates[stage])
+        limits = options.sigma_limits.get(stage, {})
         rows: list[QWidget] = []
         for spec in schedule_fields(stage):
             if spec.kind == "targets":
                 rows.append(label(f"schedule.{spec.name}"))
-                rows += [_target_field(source, stage, spec, group) for group in groups if group in DISPLAY]
+                shown = [group for group in groups if group in DISPLAY]
+                rows += [_target_field(source, stage, spec, group, limits.get(group)) for group in shown]
             elif spec.kind in ("number", "count", "flag", "choice"):  # other kinds can be set only in the product file
                 words = partial(schedule_text, spec.name)
                 rows.append(_Field(source, stage, spec, (spec.name,), _make_editor(spec), words, spec.unit))
@@ -142,11 +144,20 @@ class _Field(FormField):
         return say(f"schedule.wrong_{kind}", range=_range(self._spec) or ("1" if kind == "whole" else "0.1"))
 
 
-def _target_field(source: FormValues, stage: str, spec: FieldSpec, group: str) -> _Field:
-    """Create the field for the target sigma of a parameter group, in its display unit."""
+def _target_field(source: FormValues, stage: str, spec: FieldSpec, group: str, limit: float | None) -> _Field:
+    """Create the field for the target sigma of a parameter group, in its display unit; it warns above the limit."""
     unit, size = DISPLAY[group]
     words = partial(term, "group", group)
     field = _Field(source, stage, spec, (spec.name, group), NumberEdit(size, _number), words, unit)
+
+    def warning() -> str:
+        value = source.value((spec.name, group))
+        if limit is None or not isinstance(value, float | int) or value <= limit * (1.0 + 1e-9):
+            return ""
+        return say("schedule.above_limit", limit=limit_number(limit, size), unit=unit)
+
+    field.warning = warning
+    field.refresh()
     bind(field.editor.setAccessibleName, lambda: say("common.named", name=term("schedule", spec.name), text=words()))
     return field
 
