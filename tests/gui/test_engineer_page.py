@@ -579,8 +579,10 @@ def finished_run(found: dict[str, Any], **more: Any) -> FinishedRun:
 
 
 def test_difference_in_sigmas_has_one_definition(app: AppContext, qtbot: QtBot) -> None:
-    parameters = {"gyro_bias_x": {"value": 3.0e-6, "sigma": 3.0e-7, "unit": "rad/s", "stage": "six_position"}}
-    before = {"gyro_bias_x": Parameter(value=1.0e-6, sigma=4.0e-7)}
+    same = {"sigma": 3.0e-7, "unit": "rad/s", "stage": "six_position"}
+    values = {"gyro_bias_x": 3.0e-6, "gyro_bias_y": 1.0001e-6, "gyro_bias_z": 0.9999e-6}
+    parameters = {name: {"value": value, **same} for name, value in values.items()}
+    before = {name: Parameter(value=1.0e-6, sigma=4.0e-7) for name in values}
     comparison = ComparisonTable("comparison", "", independent=True)
     result = finished_run(parameters).result
     comparison.show_sets((ParameterSet("", before), ParameterSet("", result.parameters)))
@@ -589,6 +591,8 @@ def test_difference_in_sigmas_has_one_definition(app: AppContext, qtbot: QtBot) 
     analysis.show_run(replace(finished_run(parameters), previous=before))
     shown = analysis.findChild(CellTable, "result_table").cells["gyro_bias_x"]["in_sigma"]
     assert shown.strip() == comparison.cells["gyro_bias_x"]["in_sigma1"].strip() == "+4.00"
+    for table, key in ((analysis.findChild(CellTable, "result_table"), "in_sigma"), (comparison, "in_sigma1")):
+        assert {table.cells[name][key].strip() for name in ("gyro_bias_y", "gyro_bias_z")} == {"0.00"}
 
 
 @pytest.mark.parametrize(

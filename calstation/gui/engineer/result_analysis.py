@@ -14,7 +14,16 @@ from calstation.gui.engineer.diagnostics_views import InnovationsView, Residuals
 from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.operator import advice
 from calstation.gui.state import AppContext, ReleaseBar
-from calstation.gui.text import KINDS, Words, is_parameter_check, on_language_change, product_text, say, term
+from calstation.gui.text import (
+    KINDS,
+    Words,
+    is_parameter_check,
+    on_language_change,
+    product_text,
+    say,
+    sigmas_text,
+    term,
+)
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
     Cell,
@@ -219,7 +228,7 @@ def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
         cells["change"] = "0" if before == now else number(now - before, sigma)
         # a trial with an added state solves the same data again
         sigmas = in_sigma(at_reference, previous, independent=not result.states_added)
-        cells["in_sigma"] = "0" if before == now else f"{sigmas:+.2f}"
+        cells["in_sigma"] = "0" if before == now else sigmas_text(sigmas)
         if abs(sigmas) > NOTABLE_SIGMAS:
             cells["change_state"] = "caution"
     if "within" in checks:

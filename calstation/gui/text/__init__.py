@@ -17,6 +17,7 @@ from calstation.gui.text.messages import (
     rendered,
     say,
     schedule_text,
+    sigmas_text,
     station_text,
     step_sentence,
     term,

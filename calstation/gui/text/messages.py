@@ -140,6 +140,12 @@ def schedule_text(name: str) -> str:
     return rendering.schedule_name(name, language.current())
 
 
+def sigmas_text(sigmas: float) -> str:
+    """Return a difference in sigmas with its sign, which a difference that is rounded to zero does not have."""
+    text = f"{sigmas:+.2f}"
+    return text if float(text) else text[1:]
+
+
 def product_text(name: str) -> str:
     """Return the display name of a product from the name in its file; names of shipped products are translated."""
     return rendering.product_name(name, language.current())

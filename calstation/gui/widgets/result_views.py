@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.text import Words, check_text, on_language_change, say
+from calstation.gui.text import Words, check_text, on_language_change, say, sigmas_text
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.jobs import JobRow, JobStack, JobWatch
 from calstation.gui.widgets.layout import button, label, row
@@ -122,7 +122,7 @@ class ComparisonTable(CellTable):
             difference = display(name, new.value - reference.value)[0]
             same, sigmas = new.value == reference.value, self.in_sigma[k - 1][name]
             cells[f"difference{k}"] = "0" if same else number(difference, larger)
-            cells[f"in_sigma{k}"] = "0" if same else f"{sigmas:+.2f}"
+            cells[f"in_sigma{k}"] = "0" if same else sigmas_text(sigmas)
             cells[f"notable{k}"] = "caution" if group.marked and abs(sigmas) > NOTABLE_SIGMAS else ""
         return cells
 

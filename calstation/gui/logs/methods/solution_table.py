@@ -1,6 +1,6 @@
 """The table of a method's parameters: value, sigma, previous value, and other values for comparison."""
 
-from calstation.gui.text import on_language_change, say, with_minus
+from calstation.gui.text import on_language_change, say, sigmas_text, with_minus
 from calstation.gui.widgets import NOTABLE_SIGMAS, Cell, CellTable, DataView, ordered, theme
 from calstation.physics import display, number
 from calstation.results import Parameter
@@ -93,7 +93,7 @@ def _in_sigma(kind: str, difference: float, sigma: float) -> dict[str, str]:
     """Return the cell for a difference in sigmas, and the symbol of the difference."""
     sigmas = difference / max(sigma, 1e-300)
     state = "caution" if abs(sigmas) > NOTABLE_SIGMAS else ""
-    return {f"{kind}_in_sigma": with_minus(f"{sigmas:+.2f}"), f"{kind}_state": state}
+    return {f"{kind}_in_sigma": with_minus(sigmas_text(sigmas)), f"{kind}_state": state}
 
 
 def _signed(value: float, sigma: float) -> str:
