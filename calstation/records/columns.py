@@ -208,6 +208,11 @@ class Layout:
         return sources
 
     @property
+    def unused(self) -> tuple[str, ...]:
+        """Cells of the header row of the columns that are not part of the CSV format."""
+        return tuple(cell for name, cell in zip(self.names, self.header, strict=False) if cell and name not in _KNOWN)
+
+    @property
     def has_gyros(self) -> bool:
         """Whether the file has gyro columns."""
         return _GYROS[0] in self.names

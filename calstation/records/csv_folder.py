@@ -54,7 +54,8 @@ def open_folder(path: Path, meta_file: Path | None = None) -> Log:
     ]
     report, damaged = TimeReport(), list[DamagedRows]()
     blocks = partial(_joined, recordings, meta, report, damaged)
-    return Log(path, meta, blocks, times=report, columns=layouts[0].sources, _damaged=damaged)
+    sources, unused = layouts[0].sources, layouts[0].unused
+    return Log(path, meta, blocks, times=report, columns=sources, unused=unused, _damaged=damaged)
 
 
 def _joined(

@@ -71,6 +71,7 @@ def recorded_log(path: Path, meta: LogMeta, tables: Callable[[], Iterator[Sample
         recording.blocks,
         times=recording.report,
         columns=layout.sources,
+        unused=layout.unused,
         _damaged=recording.damaged,
     )
 

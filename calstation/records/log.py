@@ -62,6 +62,8 @@ class Log:
     damaged_rows: tuple[DamagedRows, ...] = ()
     #: Sources of the columns of a file of another program, with their units; empty for the project's own formats.
     columns: Mapping[str, str] = field(default_factory=dict)
+    #: Columns of a file of another program that are not used.
+    unused: tuple[str, ...] = ()
     topics: tuple[str, ...] = ()  #: Topics of a file of another program, with their types and numbers of messages.
     _damaged: list[DamagedRows] = field(default_factory=list)
     #: Irregularities of the time stamps of a recording; known after all samples have been read.

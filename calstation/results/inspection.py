@@ -40,6 +40,7 @@ class Inspection:
     #: Errors of the samples, and of the configuration, that the stages reveal.
     faults: tuple[Text, ...] = ()
     columns: Mapping[str, str] = field(default_factory=dict)  #: As `Log.columns`.
+    unused: tuple[str, ...] = ()  #: As `Log.unused`.
     irregular_times: tuple[Text, ...] = ()  #: Irregularities of the time stamps.
     #: Number of samples at the start of every longer stage, or of the recording, on which `methods` and `faults` are
     #: based; None for all samples.
@@ -64,6 +65,7 @@ class Inspection:
             *(("look.times", irregular) for irregular in self.irregular_times),
             ("look.channels", text("look.channels_are", channels=list(self.channels))),
             *(("", text("look.column_is", name=name, source=source)) for name, source in self.columns.items()),
+            *([("", text("look.not_used", names=list(self.unused)))] if self.unused else []),
             ("look.stages", text("look.stages_are", stages=stages)),
             *([("look.tested", text("look.tested_are", samples=self.tested))] if self.tested is not None else []),
         ]
@@ -115,6 +117,7 @@ def inspect_log(log: Log) -> Inspection:
         methods=_recorded(log, stages) if stages else {n: _reason(log, n) for n in names() if method(n).needs_no_table},
         faults=recording_faults(log),
         columns=log.columns,
+        unused=log.unused,
         irregular_times=tuple(log.times.irregularities),
         tested=MAX_TESTED if max((stages or counted).values()) > MAX_TESTED else None,
     )

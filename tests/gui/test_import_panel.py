@@ -91,6 +91,17 @@ def test_units_that_gravity_contradicts_are_said(page: OfflinePage, qtbot: QtBot
     assert "Correct" in fault
 
 
+def test_columns_that_are_not_used_are_named(page: OfflinePage, qtbot: QtBot, tmp_path: Path) -> None:
+    path = write_recording(tmp_path)
+    first, *lines = path.read_text().splitlines()
+    path.write_text("\n".join([f"{first},temperature_c", *(f"{line},25.0" for line in lines)]))
+    choose(page, qtbot, "log_import_button", path)
+    assert "not used: temperature_c" in looked(page, qtbot)
+    language.use("zh_CN")
+    QApplication.processEvents()
+    assert "未使用：temperature_c" in looked(page, qtbot)
+
+
 def test_missing_configuration_is_corrected_in_place(page: OfflinePage, qtbot: QtBot, tmp_path: Path) -> None:
     path = write_recording(tmp_path)
     path.with_suffix(".toml").rename(tmp_path / "other.toml")

@@ -187,7 +187,7 @@ class LimitedSpin(QDoubleSpinBox):
 
     def validate(self, text: str, position: int) -> Any:
         """Return whether a text is acceptable; other texts may be typed, but are not entered."""
-        state, *others = super().validate(text, position)  # type: ignore[misc]
+        state, *others = super().validate(text, position)
         invalid = state == QValidator.State.Invalid
         return (QValidator.State.Intermediate if invalid else state, *others)
 
