@@ -227,6 +227,7 @@ def run_station(seed: int, folder: Path) -> None:
             engine, "signal", SimpleNamespace(SIGINT=2, SIGHUP=1, SIGTSTP=20, SIGTTIN=21, SIG_IGN=1, signal=_ignore)
         )
         patch.setattr(engine, "receive_stop_signals", _ignore)
+        patch.setattr(os, "_exit", _ignore)  # of a stopped engine whose solver still runs
         patch.setattr(engine, "applog", SimpleNamespace(configure=_ignore))
         patch.setattr(engine_link, "QTimer", Timer)
         patch.setattr(os, "fsync", lambda handle: time.sleep(random.choice((0.0, 0.3))))
