@@ -201,6 +201,8 @@ class _Designer:
         planned = next(reached, planned)
         solution, undetermined, hidden = self._trial.solve(moves[:planned])
         consistency, latitude = solution.consistency, solution.latitude
+        duration = float(times[planned - 1][0])
+        front = self._complete_front(duration).points()
         targets = {name: float(s) for name, s in zip(NAMES, goal, strict=True) if np.isfinite(s)}
         return Design(
             moves=moves,
@@ -208,14 +210,14 @@ class _Designer:
             min_moves=min_moves,
             rate_dps=self._rate_dps,
             acceleration_dps2=self._acceleration_dps2,
-            duration=float(times[planned - 1][0]),
+            duration=duration,
             longest=float(times[-1][0]),
             margin=factor * self._margin,
             sigma=solution.posterior.sigma,
             limits=self._limits,
             stop_targets=targets if request.as_present and request.duration is None else None,
             present=self._present,
-            front=tuple((float(seconds), float(worst)) for seconds, worst, _ in self._front.points()),
+            front=tuple((float(seconds), float(worst)) for seconds, worst, _ in front),
             searched=self._searched,
             variations=tuple(self._variations(moves, self._goal)),
             undetermined=undetermined,
@@ -330,8 +332,27 @@ class _Designer:
 
     def _note(self, problem: Problem, stops: Stops) -> None:
         """Add a result to the front."""
-        worst = float(problem.ratios(states(self._library, stops)[-1][None])[0, :COUNT].max())
-        self._front.add(self._duration(stops), problem.margin * worst, stops)
+        self._front.add(self._duration(stops), self._worst(problem, stops), stops)
+
+    def _worst(self, problem: Problem, stops: Stops) -> float:
+        """Return the largest ratio of a sigma to its limit after a schedule."""
+        return problem.margin * float(problem.ratios(states(self._library, stops)[-1][None])[0, :COUNT].max())
+
+    def _complete_front(self, duration: float) -> Front:
+        """Return the front of complete schedules, of which none reaches the limits before `duration`, that of the result.
+
+        A beam adds schedules without the long rests of the gravity check, whose sigmas differ slightly from those of
+        the filter, so that some seem to reach the limits earlier.
+        """
+        if self._request.duration is not None:
+            return self._front
+        problem, front = self._problem(), Front()
+        for _, _, stops in self._front.points():
+            complete = problem.with_long_rests(stops)
+            seconds, worst = self._duration(complete), self._worst(problem, complete)
+            if seconds >= duration or worst > self._margin:
+                front.add(seconds, worst, complete)
+        return front
 
     @property
     def _remaining(self) -> float | None:

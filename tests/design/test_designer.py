@@ -7,6 +7,8 @@ import pytest
 
 from calstation.config import RunRequest, check, library, load_product, read_text
 from calstation.designer import DesignRequest, design_schedule, designed_product, shorten_stages, shorter_product
+from calstation.designer.designer import _Designer
+from calstation.designer.search import Stop
 from calstation.errors import ConfigurationError
 from calstation.physics import NAMES
 from calstation.results import compute_preview
@@ -46,6 +48,16 @@ def test_designed_schedule_meets_the_limits_with_margin_under_all_conditions(mem
     assert all(v.duration is not None and v.worst <= 1.0 for v in mems.variations)
     assert max(abs(angle) for outer, inner, _ in mems.moves for angle in (outer, inner)) <= 360.0
     assert sum(rest >= mems.gravity_rest for rest in mems.rests) >= 3
+
+
+def test_front_of_a_search_contains_complete_schedules(monkeypatch):
+    designer = _Designer(ignore, DesignRequest(product=library.find("products", "mems_c"), time_limit=1.0))
+    designer._front.add(5.0, 0.7, (Stop((0, 0), 3), Stop((1, 0), 1)))
+    ((seconds, worst, _),) = designer._complete_front(100.0).points()
+    assert seconds > 10.0, "with the long rests of the gravity check"
+    assert worst > designer._margin
+    monkeypatch.setattr(designer, "_worst", lambda *_: 0.7)
+    assert designer._complete_front(100.0).points() == [], "it would seem to reach the limits earlier"
 
 
 def test_json_uses_the_names_of_the_public_interface(mems):
