@@ -339,7 +339,7 @@ class _Designer:
         return problem.margin * float(problem.ratios(states(self._library, stops)[-1][None])[0, :COUNT].max())
 
     def _complete_front(self, duration: float) -> Front:
-        """Return the front of complete schedules, of which none reaches the limits before `duration`, that of the result.
+        """Return the front of complete schedules, of which none reaches the limits before the `duration` of the result.
 
         A beam adds schedules without the long rests of the gravity check, whose sigmas differ slightly from those of
         the filter, so that some seem to reach the limits earlier.
