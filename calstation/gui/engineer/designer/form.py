@@ -162,6 +162,7 @@ class _SpinField(FormField):
         self.grid.addWidget(self.label, 0, 0)
         self.grid.addWidget(spin, 1, 0)
         self.grid.addWidget(self.message, 2, 0)
+        self.grid.setRowStretch(3, 1)  # fields in a row stay aligned if one has a message
         self.label.setWordWrap(False)
         bind(spin.setToolTip, tip or f"engineer.{name}_tip")
         if zero:
