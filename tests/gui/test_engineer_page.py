@@ -736,8 +736,8 @@ def test_registers_that_a_partial_run_writes_are_announced_beside_start(engineer
     engineer.unlock()
     engineer.tick("stage_check_six_position")
     for code, start, said in (
-        ("en", "START PARTIAL", "A PASS writes the registers of the unit"),
-        ("zh_CN", "", "合格后将写入产品的寄存器"),
+        ("en", "START PARTIAL", "Writes the registers of a unit within its limits"),
+        ("zh_CN", "", "符合限差时写入产品的寄存器"),
     ):
         language.use(code)
         assert start in engineer.widget("engineer_start_button", QPushButton).text()
