@@ -17,8 +17,10 @@ from calstation.records import Limit
 _UP_DOWN_SIGMAS = 6.0
 
 #: Window in which a unit is steady, s, and largest change of its temperature and of the air from one half of it to the
-#: other, K: a unit with a time constant of 10 min is then within 2 K of its final temperature.
+#: other, K.
 _STEADY_TIME, _STEADY_CHANGE = 60.0, 0.1
+#: Time constants with which a unit may still approach its final temperature then, s.
+_TIME_CONSTANTS = np.arange(0.0, 7200.0, 20.0)
 #: Largest change of the difference between unit and air over the range, K, and its additional part of the difference,
 #: because the self-heating depends on the density of the air.
 _LARGEST_CHANGE, _PART_OF_HEATING = 3.0, 0.25
@@ -90,8 +92,9 @@ def check_up_down(solution: Solution, limits: Mapping[str, Limit], near: float) 
 def sensor_test(samples: SampleBlock, rate: float) -> list[ModelTest]:
     """Test whether the temperature sensor of a unit follows the air of the chamber from soak to soak.
 
-    A unit that is steady is warmer than the air by its self-heating. Returns [] without the temperature of the air, or
-    if the unit is steady at one temperature only. `rate` is the sample rate, Hz.
+    A unit that is steady is warmer than the air by its self-heating, and by its time constant times the rate at which
+    it still cools; the time constant is that with which these differences agree best. Returns [] without the
+    temperature of the air, or if the unit is steady at one temperature only. `rate` is the sample rate, Hz.
     """
     width = round(_STEADY_TIME * rate)
     count = len(samples) // max(width, 1)
@@ -105,7 +108,9 @@ def sensor_test(samples: SampleBlock, rate: float) -> list[ModelTest]:
     units, airs = halves[:, steady].mean(axis=2)
     if not len(airs) or np.ptp(airs) < 2.0 * _LARGEST_CHANGE:
         return []
-    differences = units - airs
+    rates = np.diff(halves[0, steady], axis=1)[:, 0] / (0.5 * _STEADY_TIME)
+    possible = units - airs + np.outer(_TIME_CONSTANTS, rates)
+    differences = possible[np.ptp(possible, axis=1).argmin()]
     low, high = int(differences.argmin()), int(differences.argmax())
     size = float(differences[high] - differences[low])
     limit = _LARGEST_CHANGE + _PART_OF_HEATING * abs(float(np.median(differences)))

@@ -117,3 +117,23 @@ def test_a_temperature_sensor_that_does_not_follow_the_chamber_is_named(
         assert test.diagnosis.values["last_unit_c"] == pytest.approx(89.0, abs=0.3)
     no_air = SampleBlock.without_table("temperature", np.arange(n), np.arange(n) + 1.0, np.zeros((n, 6)))
     assert sensor_test(no_air, 1.0) == []
+
+
+@pytest.mark.parametrize(("offset", "passed"), [(0.0, True), (5.0, False)])
+@pytest.mark.parametrize("time_constant", [240.0, 600.0, 1800.0])
+def test_a_good_sensor_of_a_unit_that_still_approaches_its_temperature_passes(
+    time_constant: float, offset: float, passed: bool
+) -> None:
+    """The unit is steady within 0.1 K/min at the end of every soak, in rising and in falling temperature."""
+    air, unit, at = list[float](), list[float](), 25.0
+    for k, target in enumerate((-40.0, 25.0, 80.0, 25.0)):
+        approach = (at - target) * np.exp(-np.arange(0.0, 10.0 * time_constant) / time_constant)
+        approach = approach[: int(np.argmax(np.abs(approach) < time_constant * 0.1 / 60.0)) + 200]
+        at = target + approach[-1]
+        air += [target] * len(approach)
+        unit += [*(target + approach + offset * (k >= 2))]
+    n = len(air)
+    columns = {"temperature": np.array(unit), "chamber": np.array(air)[:, None]}
+    samples = SampleBlock.without_table("temperature", np.arange(n), np.arange(n) + 1.0, np.zeros((n, 6)), **columns)
+    (test,) = sensor_test(samples, 1.0)
+    assert test.passed == passed
