@@ -1,12 +1,12 @@
 """Verification of the files of a certificate with the audit trail of the site."""
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from calstation.config import SiteTrail, load_station, read_site_trail, site_folder
+from calstation.config import SiteTrail, library, load_station, read_site_trail, site_folder
 from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, os_reason
@@ -75,15 +75,11 @@ def verify_certificate(path: Path) -> CertificateState:
 def read_verified_trail(report: ProgressCallback, station: Path | None) -> SiteTrail:
     """Job: read and verify the audit trail of the site, and compare the files of its certificates with it.
 
-    They are sought in the folder for reports of the station, in the one next to the runs, and with the runs. A file
-    that is missing is only stated. Raises InputError if a file cannot be read.
+    They are sought in the folders for reports of the station and of all stations in the library, in the one next to the
+    runs, and with the runs. A file that is missing is only stated. Raises InputError if a file cannot be read.
     """
     site = read_site_trail(lambda *_, **__: None)
-    folder: Path | None = None
-    with suppress(ConfigurationError):
-        path, config = load_station(station)
-        folder = report_folder(path, config.report)
-    issued, successors = list(_issued_files(folder)), _successors()
+    issued, successors = list(_issued_files(list(_report_folders(station)))), _successors()
     intact, missing, changed = 0, [], []
     for number, (certificate, name, digests, folders) in enumerate(issued, 1):
         file = next((each / name for each in folders if (each / name).is_file()), None)
@@ -106,6 +102,16 @@ def read_verified_trail(report: ProgressCallback, station: Path | None) -> SiteT
     return replace(site, state=(*site.state, *found), faults=(*site.faults, *changed))
 
 
+def _report_folders(station: Path | None) -> Iterator[Path]:
+    """Yield the folders for reports that a station and the stations in the library name; None for the latter only."""
+    paths = [library.find("stations", name) for name in library.names("stations")]
+    for path in [*([station] if station else []), *paths]:
+        with suppress(ConfigurationError):
+            folder = report_folder(path, load_station(path)[1].report)
+            if folder is not None:
+                yield folder
+
+
 def _successors() -> dict[str, str]:
     """Return the last certificate with the same number for every certificate of the site."""
     numbers, last = {}, {}
@@ -116,7 +122,7 @@ def _successors() -> dict[str, str]:
     return {certificate: last[number] for certificate, number in numbers.items()}
 
 
-def _issued_files(folder: Path | None) -> Iterator[tuple[str, str, set[object], list[Path]]]:
+def _issued_files(report_folders: Sequence[Path]) -> Iterator[tuple[str, str, set[object], list[Path]]]:
     """Yield number, name, recorded SHA-256 and possible folders of every file of the certificates of the site."""
     digests: dict[tuple[str, str], set[object]] = {}
     folders: dict[str, list[Path]] = {}
@@ -130,7 +136,7 @@ def _issued_files(folder: Path | None) -> Iterator[tuple[str, str, set[object], 
             runs = Path(str(reports.get("folder")))
             folders[certificate] = [default_report_folder(runs), runs]
     for (certificate, name), recorded in digests.items():
-        yield certificate, name, recorded, [*([folder] if folder else []), *folders.get(certificate, [])]
+        yield certificate, name, recorded, [*report_folders, *folders.get(certificate, [])]
 
 
 def _digest_of(file: Path) -> str:

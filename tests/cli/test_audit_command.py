@@ -98,3 +98,16 @@ def test_check_compares_the_files_of_certificates(calstation, home: Path) -> Non
     pdf.unlink()
     done = calstation("check")
     assert (done.code, "not compared: 1 (N-1.pdf)." in done.out) == (0, True)
+
+
+def test_check_compares_certificates_in_the_folder_for_reports_of_a_station(calstation, home: Path) -> None:
+    reports, stations = home / "reports_of_line", home / "stations"
+    reports.mkdir()
+    stations.mkdir()
+    text = library.find("stations", "virtual_bench").read_text(encoding="utf-8")
+    (stations / "line_1.toml").write_text(f'{text}\n[report]\nfolder = "{reports}"\n', encoding="utf-8")
+    (reports / "N-1.pdf").write_bytes(b"changed")
+    files = {"N-1.pdf": hashlib.sha256(b"issued").hexdigest()}
+    append_audit(home, "certificate", "li", certificate="N-1", files=files, reports={"folder": str(home / "runs")})
+    done = calstation("check")
+    assert (done.code, f"{reports / 'N-1.pdf'} is not the file that was issued" in done.out) == (2, True)
