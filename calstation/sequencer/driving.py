@@ -20,7 +20,7 @@ from calstation.sequencer.control import State, StopReason, StopRequested, trans
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import Fault, Message, StateChanged
 from calstation.sequencer.gimbal import GimbalLoop
-from calstation.sequencer.guard import check_limits, check_travel, reason_of, safe_stop
+from calstation.sequencer.guard import attempt, check_limits, check_travel, reason_of, safe_stop
 from calstation.sequencer.preflight import Preflight
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.unit_stream import UnitStream
@@ -272,6 +272,8 @@ class RunDriver:
         """Bring the table to rest, switch its axes off, and send the chamber to ambient."""
         self.tags.stage, self.tags.valid = "", False
         unstopped, failures = safe_stop(self._context.table, self._context.clock), list[Text]()
+        # first, because the table may still move, and neither a slow chamber nor an error may delay this message
+        attempt(lambda: self._report_failures(unstopped, of_table=self._has_begun), failures)
         if self._has_begun and not unstopped:
             with suppress(CalstationError):  # this is only displayed
                 self.control_loop.show_stopped()
@@ -287,7 +289,6 @@ class RunDriver:
                 unit.acquisition.drain()
             except CalstationError as error:  # the error is one of the unit, or of the log, which is flushed
                 failures.append(reason_of(error))
-        self._report_failures(unstopped, of_table=self._has_begun)
         self._report_failures(failures)
 
     def _return_chamber(self) -> None:

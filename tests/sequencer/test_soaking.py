@@ -11,8 +11,10 @@ import pytest
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import join_blocks
 from calstation.estimation.navigation.temperature_stage import temperature_parts
+from calstation.messages import Text
 from calstation.sequencer import (
     ChamberChanged,
+    ChamberControl,
     ChamberLimits,
     Command,
     Message,
@@ -341,3 +343,13 @@ def test_the_chamber_returns_to_ambient_after_a_programming_error(where: str, mo
     assert scene.chamber.goal == 23.0
     assert not scene.chamber.running
     assert scene.messages()[-1] == "chamber_may_be_opened"
+
+
+def test_a_table_that_may_still_move_is_reported_before_the_chamber_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Thermal([60.0])
+    scene.when("soak", 100.0, Command.STOP)
+    monkeypatch.setattr("calstation.sequencer.driving.safe_stop", lambda *_: [Text("link.lost")])
+    safe, known = ChamberControl.safe, list[list[str]]()
+    monkeypatch.setattr(ChamberControl, "safe", lambda control: (known.append(scene.messages()), safe(control))[1])
+    scene.run()
+    assert "safe_stop_incomplete" in known[0]
