@@ -235,6 +235,8 @@ def test_engine_that_dies_leaves_the_chamber_unknown(thermal: ThermalRun) -> Non
         assert page._views.currentWidget() is page._unconfirmed, "no unit is loaded yet"
         assert not start.isEnabled()
         assert start.toolTip() == why
+        assert not thermal.operator.widget("engineer_start_button", QPushButton).isEnabled()
+        assert thermal.operator.widget("engineer_start_button", QPushButton).toolTip() == why
     thermal.app.set_language("en")
     page._starting.start()
     assert not thermal.app.engine_link.running

@@ -367,7 +367,9 @@ class EngineerPage(Page):
         for edit in (self._header.serial_edit, self._header.engineer_edit):
             enable(edit, busy)
         badge = say("operator.sign_in") if self.app.badge_required else ""
-        enable(self._header.start_button, problem or busy or device or choice or badge or self._why_no_unit())
+        chamber = say("operator.chamber_unconfirmed") if self.app.run.chamber.must_stay_closed else ""
+        why_not = problem or busy or chamber or device or choice or badge or self._why_no_unit()
+        enable(self._header.start_button, why_not)
         self.choice.lock(busy, role, name or self._why_not_save(), new_pin=self.app.role.new)
         enable(self.preview.button, problem or choice)
         self.design.lock(problem, role or name)
