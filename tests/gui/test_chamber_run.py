@@ -243,6 +243,7 @@ def test_engine_that_dies_leaves_the_chamber_unknown(thermal: ThermalRun) -> Non
     thermal.operator.press("operator_page_chamber_notice_close")
     assert page._views.currentWidget() is page._loading
     assert start.isEnabled()
+    assert "chamber" not in thermal.operator.widget("engineer_start_button", QPushButton).toolTip()
     thermal.operator.until(lambda: not thermal.notice.isVisible())
     assert run_badge(thermal.operator.run)[0] != "caution"
 

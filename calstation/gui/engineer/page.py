@@ -130,6 +130,7 @@ class EngineerPage(Page):
         app.engine_link.running_changed.connect(self._running_changed)
         app.windows.changed.connect(self._update)
         app.run.changed.connect(self._run_changed)
+        app.run.chamber_acknowledged.connect(self._update)
         app.role.changed.connect(self._role_changed)
         app.choice_changed.connect(self._choice_undone)
         self.app.operator_changed.connect(self._update)
