@@ -11,6 +11,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QListWidget, QPushButton
 
 from calstation.config import RunRequest, library
+from calstation.connection import TableReset
 from calstation.errors import DeviceFaultError, InputError
 from calstation.gui.state import RunStrip
 from calstation.gui.state.engine_link import EngineLink
@@ -530,6 +531,9 @@ def test_safe_stop_that_failed_leads_the_advice(simulated_run: Operator, languag
     cause = simulated_run.message
     simulated_run.press("stop_button")
     assert simulated_run.message == cause
+    panel.reset._finish(TableReset("cleared", "drive", None))
+    assert not simulated_run.run.stop_incomplete, "nor do the verdicts on several units name it any more"
+    assert ("emergency stop" if language == "en" else "急停") not in panel.action_label.text()
 
 
 def test_times_on_hardware_are_named_only_where_the_bench_is_faster(operator: Operator) -> None:

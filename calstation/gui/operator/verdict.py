@@ -179,6 +179,7 @@ class VerdictPanel(QFrame):
     def _reset_changed(self) -> None:
         self._stress()
         if self.reset.result is not None and self.reset.result.clear:
+            self._run.stop_incomplete = False
             self.acknowledge_button.setFocus()
         self._refresh()
 
@@ -210,11 +211,11 @@ class VerdictPanel(QFrame):
         fault, result = self._current_fault, self._run.unit.result
         if result is not None and result.released:
             return say("advice.released")
-        reset = self.reset.result is not None and self.reset.result.clear
-        if self._run.stop_incomplete and not reset:
+        if self._run.stop_incomplete:
             return say("advice.stop_incomplete")
         if fault is None:
             return advice.next_action(self._display_state, result)
+        reset = self.reset.result is not None and self.reset.result.clear
         return say("advice.after_reset") if reset else self._fault_text(fault).remedy
 
     @property

@@ -85,7 +85,7 @@ class RunStatus(QObject):
         self.latest: tuple[str, str, Any] | None = None
         #: Whether a run that ends early now can be resumed after a stage or temperature that need not be repeated.
         self.resumable = False
-        #: Whether a command of the safe stop of the table failed, so that the table may still move.
+        #: Whether a command of the safe stop failed, so that the table may still move; until its fault is reset.
         self.stop_incomplete = False
         #: State of the chamber of a run over temperature.
         self.chamber = ChamberStatus()
