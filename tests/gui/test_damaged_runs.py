@@ -98,7 +98,9 @@ def test_run_without_files_stays_listed(page: HistoryPage, folder: Path, qtbot: 
     assert say("history.export_tip", count=1) == button(page, "history_export_button").toolTip()
     choose(page, "outcome", badge)
     assert rows(page) == [("SN-000001", badge)]
-    assert not button(page, "history_export_button").isEnabled()
+    export = button(page, "history_export_button")
+    assert not export.isEnabled()
+    assert export.toolTip() == ("There is nothing to export" if code == "en" else "没有可导出的内容")
     choose(page, "outcome", passed)
     assert rows(page) == [("SN-000002", passed)]
     qtbot.mouseClick(button(page, "history_clear_button"), Qt.MouseButton.LeftButton)
