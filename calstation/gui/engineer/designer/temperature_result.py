@@ -24,6 +24,7 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
+from calstation.messages import plain_number
 from calstation.physics import GROUPS, NAMES, display, group_indices
 
 _NONE = "–"
@@ -152,11 +153,11 @@ def _sigma_cells(design: TemperatureDesign) -> dict[str, dict[str, str]]:
             soak, ramp = design.soak, design.ramp
             cells[NAMES[i]] = {
                 "unit": unit,
-                "limit": f"{size * soak.limits[i]:.3g}",
-                "soaked": f"{size * soak.sigma[i]:.3g}",
+                "limit": plain_number(size * float(soak.limits[i]), ".3g"),
+                "soaked": plain_number(size * float(soak.sigma[i]), ".3g"),
                 "soaked_at": f"{soak.at[i]:.0f}",
                 "soak_state": "good" if soak.ratios[i] <= 1.0 else "bad",
-                "ramped": f"{size * ramp.sigma[i]:.3g}",
+                "ramped": plain_number(size * float(ramp.sigma[i]), ".3g"),
                 "ramped_at": f"{ramp.at[i]:.0f}",
                 "ramp_state": "good" if ramp.ratios[i] <= 1.0 else "bad",
             }
