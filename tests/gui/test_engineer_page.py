@@ -755,7 +755,7 @@ def test_registers_that_a_partial_run_writes_are_announced_beside_start(engineer
             "compared with earlier runs of this product, the last of 2026-11-",
             "of product",
         ),
-        ("zh_CN", "产品：MEMS", "与本产品型号先前的标定比较，最近一次为 2026-11-", "这是产品型号"),
+        ("zh_CN", "产品型号：MEMS", "与本产品型号先前的标定比较，最近一次为 2026-11-", "这是产品型号"),
     ],
 )
 def test_result_names_its_product_and_the_run_with_which_it_is_compared(
