@@ -25,7 +25,7 @@ from calstation.gui.widgets import theme
 from calstation.physics import NAMES, display
 from calstation.quality import BASELINE, FailedCheck, GaugePlan, StationQuality, TableChart
 from calstation.records import CheckId
-from calstation.results import load_result
+from calstation.results import History, load_result
 from tests.gui.conftest import Operator
 from tests.gui.test_history_page import write_run
 from tests.site_folder import BENCH, STATION
@@ -334,6 +334,13 @@ def test_runs_of_one_station_are_charted_and_a_state_is_explained(
     operator.until(lambda: not page.busy and signals.data(Qt.ItemDataRole.UserRole) == "bad")
     assert signals.data(Qt.ItemDataRole.ToolTipRole) == state
     assert page._summary.yields.stations.keys() == {"bench 2"}
+    others = folder.parent / "others"
+    others.mkdir()
+    write_run(others, "SN-1", "passed", timedelta(hours=1), product="Navigation grade A", station="bench 3")
+    History(others).refresh()
+    operator.window.app.set_runs_folder(others)
+    operator.until(lambda: not page.busy and page._summary.yields.stations.keys() == {"bench 3"})
+    assert station.currentText() == every, "the other folder has no runs of this station"
     language.use("en")
 
 

@@ -202,7 +202,10 @@ class QualityPage(Page):
     def _show(self, summary: QualitySummary | None) -> None:
         self._summary = summary
         if summary is not None:
+            chosen = self.station.currentData()
             self._offer_stations(summary.stations)
+            if self.station.currentData() != chosen:  # the folder has no runs of it
+                self.read()
         self._outdated = set() if summary is None else {self.control, self.capability, self.yields, self.study}
         self._show_view()
 
