@@ -258,10 +258,12 @@ class RunIndex:
         contents = self._try(lambda connection: _rows(connection, query))
         return [self._located(record_from(content)) for (content,) in contents]
 
-    def count(self, conditions: RunFilter) -> int:
-        """Return the number of runs that meet all conditions."""
-        query = sa.select(sa.func.count()).select_from(_runs).where(*_conditions(conditions))
-        return self._try(lambda connection: int(connection.execute(query).scalar_one()))
+    def counts(self, conditions: RunFilter) -> tuple[int, int]:
+        """Return the number of runs that meet all conditions, and of those of them with files."""
+        with_files = sa.func.count(sa.case((_runs.c.missing, None), else_=1))
+        query = sa.select(sa.func.count(), with_files).select_from(_runs).where(*_conditions(conditions))
+        count, present = self._try(lambda connection: connection.execute(query).one())
+        return int(count), int(present)
 
     def choices(self) -> RunChoices:
         """Return the values that can be chosen as conditions."""

@@ -127,7 +127,11 @@ class History:
 
     def count(self, conditions: RunFilter) -> int:
         """Return the number of runs that meet all conditions."""
-        return self._query(lambda: self._index.count(conditions))
+        return self.counts(conditions)[0]
+
+    def counts(self, conditions: RunFilter) -> tuple[int, int]:
+        """Return the number of runs that meet all conditions, and the number of those whose files are not missing."""
+        return self._query(lambda: self._index.counts(conditions))
 
     def choices(self) -> RunChoices:
         """Return the products, stations and operators of the runs, and their earliest start."""

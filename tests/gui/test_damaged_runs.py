@@ -116,6 +116,7 @@ def test_run_without_files_counts_nowhere(folder: Path) -> None:
     path.unlink()
     assert (history.refresh(), history.refresh()) == (1, 0)
     assert (history.count(RunFilter()), history.count(RunFilter(missing=True))) == (0, 1)
+    assert history.counts(RunFilter(missing=None)) == (1, 0)
     assert not history.of("SN-000001")
     assert not history.passed_units()
     assert history.attempts("SN-000001") == 0

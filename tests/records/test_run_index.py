@@ -127,7 +127,7 @@ def test_units_of_a_batch_are_found_by_its_id(index: RunIndex) -> None:
 )
 def test_found_and_counted_runs_meet_all_conditions(index: RunIndex, conditions: RunFilter, found: str) -> None:
     assert "".join(each.name for each in index.find(conditions)) == found
-    assert index.count(conditions) == len(found)
+    assert index.counts(conditions)[0] == len(found)
     assert [each.name for each in index.find(conditions, 1)] == list(found[:1])
 
 
@@ -202,7 +202,7 @@ def test_runs_of_other_folders_are_found_with_local_runs(index: RunIndex, tmp_pa
     index.receive([there], "db", 1)
     assert index.received() == ("db", 1)
     assert [each.name for each in index.find(RunFilter(), 3)] == ["a", "d", "c"]
-    assert index.count(RunFilter(names=("a",))) == 2
+    assert index.counts(RunFilter(names=("a",)))[0] == 2
     assert index.attempts("A") == 2
     assert index.choices().stations == ("bench 1", "bench 2", "bench 9")
     assert index.columns(RunFilter(verdict="failed")).names == ("a", "a")

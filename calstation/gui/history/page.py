@@ -125,9 +125,7 @@ class HistoryPage(Page):
     def _show_matching(self) -> None:
         history = self._history() if self.app.runs_folder.is_dir() else None
         conditions = self._filters.conditions
-        self._match_count = 0 if history is None else history.count(conditions)
-        with_files = replace(conditions, missing=False)
-        self._export_count = 0 if history is None or conditions.missing else history.count(with_files)
+        self._match_count, self._export_count = (0, 0) if history is None else history.counts(conditions)
         self._stack.setCurrentWidget(self._split if self._match_count else self._nothing)
         with QSignalBlocker(self.table):
             self.table.show_runs(
