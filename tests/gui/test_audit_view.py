@@ -78,13 +78,14 @@ def test_events_are_listed_and_filtered(page: HistoryPage, trail: Path, qtbot: Q
 def test_details_say_which_entry_of_a_file_changed_in_the_language_of_the_window(
     page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot, code: str, shown: list[str]
 ) -> None:
-    changed = {"site.latitude_deg": [40.0, 41.5], "imu2": [None, ["a", "b"]]}
+    changed = {"site.latitude_deg": [40.0, 41.5], "imu2": [None, ["a", "b"]], "slots.1.product": ["nav_a", "nav_b"]}
     append_audit(site_folder.home, "file_saved", "Li Na", kind="stations", name="bench", changed=changed)
     language.use(code)
     index = open_trail(page, qtbot).model().index(0, 5)
     for part in shown:
         assert part in index.data(), index.data()
         assert part.split(", ")[0] in index.data(Qt.ItemDataRole.ToolTipRole)
+    assert "slots.1.product: nav_a" in index.data(Qt.ItemDataRole.ToolTipRole), "not the product at the start"
     language.use("en")
 
 

@@ -204,7 +204,9 @@ def _part_text(name: str, part: Any) -> str:
 
 def _entry_name(key: str) -> str:
     """Return the name of an entry of a file on the Station page with its key, or only the key."""
-    names = (key.replace(".", "_"), key.rpartition(".")[2])
+    parts = key.split(".")
+    # the last part of an entry of a list, such as the product of a slot, has another name elsewhere
+    names = ("_".join(parts), *([] if any(part.isdigit() for part in parts) else parts[-1:]))
     name = next((each for each in names if known(f"setting.{each}")), None)
     return key if name is None else say("history.audit_entry", name=say(f"setting.{name}"), key=key)
 
