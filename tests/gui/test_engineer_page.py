@@ -194,7 +194,7 @@ def test_product_that_cannot_be_read_replaces_the_previous_one(engineer: Enginee
     broken.write_text("name = \n", encoding="utf-8")
     engineer.window.app.set_product(broken)
     problem = engineer.widget("choice_problem_label", QLabel)
-    for code, said in (("en", "Product: broken"), ("zh_CN", "产品：broken")):
+    for code, said in (("en", "Product: broken"), ("zh_CN", "产品型号：broken")):
         language.use(code)
         assert engineer.widget("choice_product_label", QLabel).text() == said
         assert problem.isVisible()

@@ -431,7 +431,7 @@ class EngineerPage(Page):
     def _why_not_save(self) -> str:
         if self._saving.busy:
             return say("engineer.saving")
-        if self._why_no_options():
+        if not self.choice.selector.current or self._why_no_options():
             return ""
         if not self.choice.form.valid:
             return say("engineer.wrong_values")
