@@ -155,7 +155,7 @@ def test_quality_page_includes_and_opens_runs_of_all_stations(
     qtbot.addWidget(page)
     page.show()
     qtbot.waitUntil(lambda: not page.busy and page.count_label.text() != "", timeout=WAIT)
-    assert page.count_label.text().startswith("2 runs")
+    assert page.count_label.text().startswith("2 complete runs")
     with qtbot.waitSignal(app.open_run, timeout=WAIT) as opened:
         page.control.run_requested.emit(stem)
     assert load_result(opened.args[0]).serial == "SN-000002"
