@@ -32,7 +32,7 @@ from calstation.database import (
     revisions,
     runs,
 )
-from calstation.records import RunFilter, RunIndex, files, run_index
+from calstation.records import RunFilter, files, run_index
 from calstation.records.run_index import FILE
 from calstation.results import History, history
 from tests.database.result_files import in_index, write_result
@@ -250,17 +250,10 @@ def test_every_run_reaches_the_database_and_all_stations_once(seeds: range, site
     run_seeds(seeds, lambda seed: exchange_runs(seed, site_folder))
 
 
-def _act_unnoticed(self: RunIndex, action: Callable[..., Any]) -> Any:
-    """Act on the file as if no other process could replace it."""
-    with self._engine.begin() as connection:
-        return action(connection)
-
-
 #: Faults in the exchange, each of which some seed finds.
 PLANTED: dict[str, tuple[object, str, Callable[..., Any]]] = {
     "a folder is named twice": (outbox, "locked", lambda path, timeout: nullcontext()),
     "a lost confirmation is not noticed": (Exchange, "_synchronise", lambda self, engine: None),
-    "a replaced index is not noticed": (RunIndex, "_act", _act_unnoticed),
 }
 
 
