@@ -49,7 +49,7 @@ from calstation.physics import COUNT, GROUPS, FloatArray, group_indices
 #: End of a soak that is solved with the moves after it, s.
 _BEFORE = 20.0
 #: Largest number of solutions of all temperatures, and largest change of a coefficient that ends them, in sigmas.
-_MAX_PASSES, _CONVERGED = 6, 0.02
+_MAX_PASSES, _CONVERGED = 12, 0.02
 #: Number of fits in which the lags are corrected, and of temperatures that are averaged.
 _LAG_PASSES, _MEAN_OF = 2, 201
 #: Largest distance of an end of the range from the lowest or highest temperature of the fitted samples, K: a unit in a
