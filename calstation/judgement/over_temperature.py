@@ -19,8 +19,9 @@ _UP_DOWN_SIGMAS = 6.0
 #: Window in which a unit is steady, s, and largest change of its temperature and of the air from one half of it to the
 #: other, K.
 _STEADY_TIME, _STEADY_CHANGE = 60.0, 0.1
-#: Time constants with which a unit may still approach its final temperature then, s.
-_TIME_CONSTANTS = np.arange(0.0, 7200.0, 20.0)
+#: Longest time constant with which a unit may still approach its final temperature then, s, and change of the air from
+#: which it approaches another one, K.
+_LONGEST, _OTHER_AIR = 7200.0, 1.0
 #: Largest change of the difference between unit and air over the range, K, and its additional part of the difference,
 #: because the self-heating depends on the density of the air.
 _LARGEST_CHANGE, _PART_OF_HEATING = 3.0, 0.25
@@ -93,8 +94,8 @@ def sensor_test(samples: SampleBlock, rate: float) -> list[ModelTest]:
     """Test whether the temperature sensor of a unit follows the air of the chamber from soak to soak.
 
     A unit that is steady is warmer than the air by its self-heating, and by its time constant times the rate at which
-    it still cools; the time constant is that with which these differences agree best. Returns [] without the
-    temperature of the air, or if the unit is steady at one temperature only. `rate` is the sample rate, Hz.
+    it still cools; see `_time_constant`. Returns [] without the temperature of the air, or if the unit is steady at one
+    temperature only. `rate` is the sample rate, Hz.
     """
     width = round(_STEADY_TIME * rate)
     count = len(samples) // max(width, 1)
@@ -109,8 +110,8 @@ def sensor_test(samples: SampleBlock, rate: float) -> list[ModelTest]:
     if not len(airs) or np.ptp(airs) < 2.0 * _LARGEST_CHANGE:
         return []
     rates = np.diff(halves[0, steady], axis=1)[:, 0] / (0.5 * _STEADY_TIME)
-    possible = units - airs + np.outer(_TIME_CONSTANTS, rates)
-    differences = possible[np.ptp(possible, axis=1).argmin()]
+    differences = units - airs
+    differences = differences + _time_constant(differences, rates, airs) * rates
     low, high = int(differences.argmin()), int(differences.argmax())
     size = float(differences[high] - differences[low])
     limit = _LARGEST_CHANGE + _PART_OF_HEATING * abs(float(np.median(differences)))
@@ -123,6 +124,25 @@ def sensor_test(samples: SampleBlock, rate: float) -> list[ModelTest]:
     }
     diagnosis = Diagnosis("temperature_sensor", size, unit="K", values=values)
     return [ModelTest("temperature_sensor", size, limit, "K", diagnosis)]
+
+
+def _time_constant(differences: FloatArray, rates: FloatArray, airs: FloatArray) -> float:
+    """Return the time constant of a unit, s, from the change of its difference from the air within each soak.
+
+    Differences between soaks do not count, because a wrong sensor could cause them. Returns 0 if every soak has one
+    window only.
+
+    Parameters
+    ----------
+    differences, rates, airs : unit minus air, K, rate of the unit, K/s, and temperature of the air, °C, shape (n,)
+    """
+    soak = np.cumsum(np.abs(np.diff(airs, prepend=airs[0])) > _OTHER_AIR)
+    counts = np.bincount(soak)
+    changes, slopes = (
+        values - (np.bincount(soak, values) / np.maximum(counts, 1))[soak] for values in (differences, rates)
+    )
+    square = float(slopes @ slopes)
+    return float(np.clip(-(changes @ slopes) / square, 0.0, _LONGEST)) if square > 0.0 else 0.0
 
 
 def _means(values: FloatArray) -> FloatArray:

@@ -9,9 +9,6 @@ _HIDDEN = ("gradient of 3 K that changes with the attitude", "hysteresis of 2 %"
 
 
 @pytest.mark.long
-@pytest.mark.xfail(
-    reason="the effects tests name gyro_g_square in sound units since lags are estimated; not explained yet"
-)
 @pytest.mark.parametrize("row", [row for row in rows() if row.title not in _HIDDEN], ids=lambda row: row.title)
 def test_a_fault_over_temperature_is_named_first_or_leaves_small_errors(row: ThermalRow) -> None:
     outcome = run(row, 1)

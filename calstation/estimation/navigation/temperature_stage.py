@@ -49,7 +49,7 @@ from calstation.physics import COUNT, GROUPS, FloatArray, group_indices
 #: End of a soak that is solved with the moves after it, s.
 _BEFORE = 20.0
 #: Largest number of solutions of all temperatures, and largest change of a coefficient that ends them, in sigmas.
-_MAX_PASSES, _CONVERGED = 12, 0.02
+_MAX_PASSES, _CONVERGED = 6, 0.02
 #: Number of fits in which the lags are corrected, and of temperatures that are averaged.
 _LAG_PASSES, _MEAN_OF = 2, 201
 #: Largest distance of an end of the range from the lowest or highest temperature of the fitted samples, K: a unit in a
@@ -114,8 +114,8 @@ class TemperatureStage(StageSolver):
         for k in range(1, _MAX_PASSES):
             if progress is not None:
                 progress(k / _MAX_PASSES)
-            elements = element_temperatures(block, fit.lags)
-            solutions, before = [solver.solve(part.at_mean(fit, elements)) for part in parts], fit
+            courses, before = self._courses(block, parts, fit.lags), fit
+            solutions = [solver.solve(part.at_mean(fit, course)) for part, course in zip(parts, courses, strict=True)]
             fit, points, lags = self._fit(block, parts, solutions, before, keep_orders=k > 1)
             if _change(before, fit) < _CONVERGED:
                 break
@@ -167,13 +167,30 @@ class TemperatureStage(StageSolver):
         points = held_out_points(with_ways(points), self._model.held_out)
         automatic = self._model.is_automatic and not keep_orders
         model, lags = (self._model, NO_LAGS) if before is None else (before.model, before.lags)
-        for _ in range(_LAG_PASSES):
-            elements, used = element_temperatures(block, lags), lags
-            points = [replace(p, elements=part.means(elements)) for p, part in zip(points, parts, strict=True)]
+        for _ in range(_LAG_PASSES if self._model.has_lag else 1):
+            courses, used = self._courses(block, parts, lags), lags
+            elements = [part.means(course) for part, course in zip(parts, courses, strict=True)]
+            points = [replace(p, elements=means) for p, means in zip(points, elements, strict=True)]
             model = with_orders(self._model, points, self.prior) if automatic else model
             fit = polynomials(model, points, self.prior, used)
             lags = fit.lags
         return fit, points, used
+
+    def _courses(self, block: SampleBlock, parts: Sequence["_Part"], lags: FloatArray) -> Sequence[ElementTemperatures]:
+        """Return the temperatures of the elements during each part.
+
+        Those of a soak are from its own samples, because samples between two soaks may not have been recorded. An
+        element that lags depends on the samples before.
+
+        Parameters
+        ----------
+        block : samples of the stage
+        parts : samples at each temperature
+        lags : lags of gyros and accelerometers behind the sensor, s, shape (2,)
+        """
+        if not self._model.has_lag:
+            return [part.course for part in parts]
+        return [element_temperatures(block, lags)] * len(parts)
 
     def _solution(self, fit: TemperatureFit, solutions: Sequence[Solution], block: SampleBlock) -> Solution:
         """Return the solution with the parameters at the reference temperature."""
@@ -222,8 +239,8 @@ class _Part:
         known = block.valid & ~np.isnan(block.temperature)
         if not known.any():
             raise InputError("temperature.unknown", first=int(block.seq[0]), last=int(block.seq[-1]))
-        course = element_temperatures(block, NO_LAGS)
-        self._sensor = course.values[:, 0]
+        self.course = element_temperatures(block, NO_LAGS)  #: Temperatures of elements that do not lag.
+        self._sensor = self.course.values[:, 0]
         self.mean = float(block.temperature[known].mean())  #: °C
         duration = float(block.time[-1] - block.time[0])
         self._rate = float(self._sensor[-1] - self._sensor[0]) / max(duration, 1.0)
