@@ -4,7 +4,7 @@ import pytest
 
 from tests.outside.thermal_cases import ThermalRow, rows, run
 
-#: Kinds of units whose verdict is known to be wrong: the data do not show these faults.
+#: Kinds of units whose verdict is known to be wrong, or names a sigma above its limit instead of the fault.
 _HIDDEN = ("gradient of 3 K that changes with the attitude", "hysteresis of 2 %")
 
 
