@@ -3,7 +3,7 @@
 It computes the sigmas with the plan and the filter of a run, and does not drive a table.
 """
 
-from calstation.designer.design import STAGE, Design, DesignRequest, Variation, designed_product, save_design
+from calstation.designer.design import STAGE, Design, DesignRequest, Variation, designed_product, save_product
 from calstation.designer.designer import design_schedule
 from calstation.designer.prediction import Prediction
 from calstation.designer.soaking import measured_thermal
@@ -12,7 +12,6 @@ from calstation.designer.temperature import (
     TIME_CONSTANT,
     TemperatureDesign,
     design_temperature,
-    save_temperature_design,
     temperature_product,
     unit_properties,
 )

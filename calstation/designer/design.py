@@ -1,5 +1,6 @@
 """The request for a schedule, its limits from table and unit, the resulting schedule, and the product containing it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -219,10 +220,10 @@ def designed_product(text: str, design: Design) -> str:
     return edit_toml(text, changes)
 
 
-def save_design(
-    report: ProgressCallback, product: Path, name: str, design: Design, author: str
+def save_product(
+    report: ProgressCallback, product: Path, name: str, designed: Callable[[str], str], author: str
 ) -> tuple[Path, Version]:
-    """Job: save a product with the designed stage in the site's folder; return its file and version.
+    """Job: save a product with the designed schedule in the site's folder; return its file and version.
 
     Raises ConfigurationError if the product would be invalid or cannot be written.
 
@@ -231,24 +232,11 @@ def save_design(
     report : callback for the progress
     product : file of the original product
     name : name of the new product
-    design : design that contains the stage
-    author : author of the new version
-    """
-    return save_product(report, name, designed_product(read_text(product), design), author)
-
-
-def save_product(report: ProgressCallback, name: str, text: str, author: str) -> tuple[Path, Version]:
-    """Save the text of a product in the site's folder; return its file and version. Raises ConfigurationError.
-
-    Parameters
-    ----------
-    report : callback for the progress
-    name : name of the product
-    text : content of its file
+    designed : returns the text of a product file with the schedule
     author : author of the new version
     """
     report(0.5)
-    version = versions.save("products", name, text, author)
+    version = versions.save("products", name, designed(read_text(product)), author)
     return library.find("products", name), version
 
 

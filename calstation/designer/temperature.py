@@ -4,21 +4,18 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from calstation.config import (
     RunRequest,
-    Version,
     check_chamber,
     check_manual_rig,
     edit_toml,
     load_configuration,
-    read_text,
 )
-from calstation.designer.design import SERIAL, DesignRequest, Reached, multiline, save_product
+from calstation.designer.design import SERIAL, DesignRequest, Reached, multiline
 from calstation.designer.designer import design_schedule
 from calstation.designer.prediction import Prediction, optimal_nodes, with_assumed_orders
 from calstation.designer.soaking import Course, Thermal, course_of, measured_thermal
@@ -174,24 +171,6 @@ def temperature_product(text: str, design: TemperatureDesign) -> str:
         elif value != present.get(_STAGE, {}).get(key):
             changes["schedule", _STAGE, key] = multiline(value) if key == "moves" else value
     return edit_toml(text, changes)
-
-
-def save_temperature_design(
-    report: ProgressCallback, product: Path, name: str, design: TemperatureDesign, author: str
-) -> tuple[Path, Version]:
-    """Job: save a product with the designed schedule in the site's folder; return its file and version.
-
-    Raises ConfigurationError if the product would be invalid or cannot be written.
-
-    Parameters
-    ----------
-    report : callback for the progress
-    product : file of the original product
-    name : name of the new product
-    design : design that contains the schedule
-    author : author of the new version
-    """
-    return save_product(report, name, temperature_product(read_text(product), design), author)
 
 
 class _Designer:

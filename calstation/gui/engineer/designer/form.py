@@ -1,10 +1,12 @@
-"""Form for the goal and limits of a search for a schedule, and a bar that saves the design as a product."""
+"""Form for the goal and limits of a search for a schedule, and the export of its design to a product or a file."""
 
+import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtWidgets import QFrame
+from PySide6.QtWidgets import QFrame, QWidget
 
 from calstation.config import ScheduleOptions, editing, library
 from calstation.gui.text import Words, bind, product_text, say
@@ -13,6 +15,7 @@ from calstation.gui.widgets import (
     FormValues,
     NameBar,
     SpinEdit,
+    ask_file,
     box,
     button,
     column,
@@ -26,7 +29,7 @@ from calstation.gui.widgets import (
 from calstation.messages import Text
 
 if TYPE_CHECKING:
-    from calstation.designer import DesignRequest
+    from calstation.designer import Design, DesignRequest, TemperatureDesign
 
 #: Assumed time constant of a unit, s, as in `calstation.designer`, whose import would delay the first paint.
 TIME_CONSTANT = 600.0
@@ -212,3 +215,10 @@ class SaveBar(NameBar):
         """Save the design."""
         self.hide()
         self._save(name)
+
+
+def export_design(parent: QWidget, design: "Design | TemperatureDesign", options: ScheduleOptions) -> None:
+    """Ask for a file, and write a design for the product of `options` to it as JSON."""
+    text = json.dumps(design.to_json(), indent=1, ensure_ascii=False) + "\n"
+    write = partial(Path.write_text, data=text, encoding="utf-8")
+    ask_file(parent, say("engineer.save_design"), Path(f"{options.product.stem}_design.json"), ["JSON (*.json)"], write)

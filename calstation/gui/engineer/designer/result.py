@@ -2,8 +2,6 @@
 
 import json
 from collections.abc import Callable
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 from PySide6.QtCore import QModelIndex, QPersistentModelIndex
@@ -12,6 +10,7 @@ from PySide6.QtWidgets import QStyledItemDelegate, QStyleOptionViewItem, QWidget
 
 from calstation.config import ScheduleOptions
 from calstation.designer import STAGE, Design
+from calstation.gui.engineer.designer.form import export_design
 from calstation.gui.engineer.designer.plots import DesignPath, FrontPlot, PathPlot, SphereView
 from calstation.gui.text import duration_text, on_language_change, parameter_text, product_text, say, term
 from calstation.gui.widgets import (
@@ -23,7 +22,6 @@ from calstation.gui.widgets import (
     JobWatch,
     StateBadge,
     ViewTabs,
-    ask_file,
     box,
     button,
     column,
@@ -150,11 +148,7 @@ class DesignResult(QWidget):
 
     def _export(self) -> None:
         if self._design is not None:
-            design, options = self._design
-            text = json.dumps(design.to_json(), indent=1, ensure_ascii=False) + "\n"
-            write = partial(Path.write_text, data=text, encoding="utf-8")
-            name = Path(f"{options.product.stem}_design.json")
-            ask_file(self, say("engineer.save_design"), name, ["JSON (*.json)"], write)
+            export_design(self, *self._design)
 
     def _show_texts(self) -> None:
         if self._design is None:

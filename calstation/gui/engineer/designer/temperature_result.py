@@ -1,21 +1,18 @@
 """View of a design over temperature: soaks, a ramp and other numbers of temperatures, and the sigmas over the range."""
 
-import json
 from collections.abc import Callable
-from functools import partial
-from pathlib import Path
 
 from PySide6.QtWidgets import QWidget
 
 from calstation.config import ScheduleOptions
 from calstation.designer import TemperatureDesign
+from calstation.gui.engineer.designer.form import export_design
 from calstation.gui.text import duration_text, on_language_change, parameter_text, say, term
 from calstation.gui.widgets import (
     Cell,
     CellTable,
     StateBadge,
     ViewTabs,
-    ask_file,
     button,
     column,
     enable,
@@ -87,11 +84,7 @@ class TemperatureDesignResult(QWidget):
 
     def _export(self) -> None:
         if self._design is not None:
-            design, options = self._design
-            text = json.dumps(design.to_json(), indent=1, ensure_ascii=False) + "\n"
-            write = partial(Path.write_text, data=text, encoding="utf-8")
-            name = Path(f"{options.product.stem}_design.json")
-            ask_file(self, say("engineer.save_design"), name, ["JSON (*.json)"], write)
+            export_design(self, *self._design)
 
     def _show_texts(self) -> None:
         if self._design is None:

@@ -204,9 +204,10 @@ class DesignView(QWidget):
             return
         result, options = self._result
         if isinstance(result, designer.TemperatureDesign):
-            self._saving.start(designer.save_temperature_design, options.product, name, result, self._author())
+            designed = partial(designer.temperature_product, design=result)
         else:
-            self._saving.start(designer.save_design, options.product, name, result, self._author())
+            designed = partial(designer.designed_product, design=result)
+        self._saving.start(designer.save_product, options.product, name, designed, self._author())
 
     def _saved(self, saved: tuple[Path, Version]) -> None:
         path, version = saved
