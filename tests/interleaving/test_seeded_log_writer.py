@@ -80,8 +80,15 @@ def write_log(seed: int, folder: Path) -> None:
         before_close = appended
         attempt(append, writer)
 
+    extend = raw_log._extend
+
+    def extend_slowly(*arguments: Any) -> None:
+        time.sleep(0.01)  # another thread may run
+        extend(*arguments)
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "fsync", disk.fsync)
+        patch.setattr(raw_log, "_extend", extend_slowly)
         scheduler.run(main)
     assert errors == ["log.not_written"] * disk.failed, errors
     try:
