@@ -6,6 +6,13 @@ The package depends on no device, task or bench. It has more than 15 modules, on
 from calstation.config import access, editing, library, versions
 from calstation.config.blocks import arrange_entries
 from calstation.config.compatible import compatible_products, product_error, with_product
+from calstation.config.configuration_checks import (
+    ManualRigError,
+    check_chamber,
+    check_manual_rig,
+    check_station,
+    temperature_ranges,
+)
 from calstation.config.confirmation import (
     ConfirmationRequired,
     Person,
@@ -39,16 +46,11 @@ from calstation.config.product import (
 )
 from calstation.config.request import Confirmation, RegisterOperation, RunRequest, computer_user, plain_text
 from calstation.config.run_configuration import (
-    ManualRigError,
     RunConfiguration,
-    check_chamber,
-    check_manual_rig,
-    check_station,
     load_configuration,
     new_batch_id,
     prepare_batch,
     prepare_run,
-    temperature_ranges,
     unit_files,
     unit_requests,
 )

@@ -5,8 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from calstation.config import library
+from calstation.config.configuration_checks import ManualRigError, check_station
 from calstation.config.request import RunRequest
-from calstation.config.run_configuration import ManualRigError, check_station, load_configuration
+from calstation.config.run_configuration import load_configuration
 from calstation.config.station import load_station
 from calstation.errors import ConfigurationError
 

@@ -13,26 +13,22 @@ from pydantic import BaseModel, JsonValue
 
 from calstation import __version__
 from calstation.config import library, versions
+from calstation.config.configuration_checks import check_baud_rates, check_station, product_errors
 from calstation.config.product import (
     CheckStandardSection,
     ProductConfig,
     in_file,
     load_product,
-    register_conflicts,
     schedule_values,
-    unknown_targets,
 )
 from calstation.config.request import RunRequest, computer_user
-from calstation.config.site_check import check_confirmation, check_gravity_sigma, check_site
 from calstation.config.slots import PLATFORM_AXES, SlotSection
 from calstation.config.station import BenchSettings, StationConfig, at_slot, load_bench, load_station
 from calstation.devices.imu import RegisterMap
-from calstation.devices.links import CAN, SOCKETS, UDP
 from calstation.devices.profiles import (
     ChamberProfile,
     ImuProfile,
     TableProfile,
-    check_baud,
     load_chamber_profile,
     load_imu_profile,
     load_table_profile,
@@ -58,10 +54,6 @@ from procedures import method
 
 #: Largest value of a register in prior sigmas; a larger value cannot be a calibration of the unit.
 _MAX_PLAUSIBLE_SIGMAS = 3.0
-
-
-class ManualRigError(ConfigurationError):
-    """Raised if a stage needs a driven table, a manual rig or a gimbal that the station does not have."""
 
 
 @dataclass(frozen=True)
@@ -322,10 +314,10 @@ def _check_configuration(setup: RunConfiguration, adjust: Adjustment) -> RunConf
         bench: BenchSettings = load_bench()
         bench.check(setup, f"{station_path} [bench]")
     with in_file(product_path):
-        for error in _product_errors(setup):
+        for error in product_errors(setup):
             raise error
     with in_file(station_path):
-        _check_baud(setup)
+        check_baud_rates(setup)
     return setup
 
 
@@ -424,97 +416,3 @@ def prepare_batch(request: RunRequest, adjust: Adjustment = lambda setup: setup)
             slot, product = setup.request.slot or "", setup.product.name
             raise ConfigurationError("batch.other_plan", slot=slot, product=product, first=first.product.name)
     return tuple(setups)
-
-
-def check_station(setup: RunConfiguration) -> None:
-    """Check that the table and the site of the station are suitable for the product.
-
-    Raises ConfigurationError, in particular ManualRigError if the table is not suitable.
-    """
-    check_manual_rig(setup)
-    check_gimbal(setup)
-    check_chamber(setup)
-    meta, site = setup.log_meta(), setup.station.site
-    with in_file(setup.sources["station"].path):
-        check_site(meta)
-        check_gravity_sigma(meta, setup.sigma_limits(context_from_meta(meta)))
-        if setup.station.bench is None:
-            check_confirmation(site, meta)
-
-
-def check_manual_rig(setup: RunConfiguration) -> None:
-    """Check that every stage suits the station's table, manual rig or gimbal. Raises ManualRigError."""
-    names = {"product": setup.product.name, "table": setup.table.name, "station": setup.station.name}
-    for stage, schedule in setup.schedules.items():
-        on_gimbal = method(stage).on_gimbal
-        if on_gimbal and setup.table.gimbal is None:
-            raise ManualRigError("plan.needs_gimbal")
-        if not on_gimbal and setup.table.gimbal is not None:
-            raise ManualRigError("product.needs_table", stage=stage, table=setup.table.name)
-        manual = getattr(schedule, "manual", None)
-        if setup.table.by_hand and manual is None:
-            raise ManualRigError("product.needs_driven_table", stage=stage, **names)
-        if setup.table.by_hand and not manual:
-            raise ManualRigError("product.needs_manual_motion", stage=stage, **names)
-        if manual and not setup.table.by_hand:
-            raise ManualRigError("product.needs_manual_table", stage=stage, **names)
-
-
-def check_gimbal(setup: RunConfiguration) -> None:
-    """Check that the registers of a unit on a gimbal can contain the correction. Raises ConfigurationError."""
-    if setup.table.gimbal is None:
-        return
-    misalignments = {NAMES[i] for i in group_indices("gyro_misalign")}
-    if setup.after_registers or not misalignments <= set(setup.register_map.parameters):
-        raise ConfigurationError("product.gimbal_needs_registers", imu=setup.imu.name)
-
-
-def check_chamber(setup: RunConfiguration) -> None:
-    """Check that a stage over temperature is the only one, and that there is a chamber for its temperatures.
-
-    The chamber must also reach ambient, to which it returns. Raises ConfigurationError.
-    """
-    if "temperature" not in setup.schedules:
-        return
-    if len(setup.schedules) > 1:
-        raise ConfigurationError("temperature.not_alone")
-    if setup.product.temperature is None:
-        raise ConfigurationError("temperature.no_section")
-    section = setup.station.chamber
-    if section is None or setup.chamber is None:
-        raise ConfigurationError("temperature.no_chamber")
-    points = getattr(setup.schedules["temperature"], "points_c", [])
-    for device, (low, high) in {"chamber": setup.chamber.range_c, **temperature_ranges(setup)}.items():
-        for value in (section.ambient_c, *points):
-            if not low <= value <= high:
-                values = {"temperature": value, "low": low, "high": high}
-                raise ConfigurationError("chamber.target_outside", device=device, **values)
-
-
-def temperature_ranges(setup: RunConfiguration) -> dict[str, tuple[float, float]]:
-    """Return the ranges of table and unit in a chamber, °C. Raises ConfigurationError if a profile names none."""
-    ranges = {}
-    for device, profile in (("table", setup.table), ("unit", setup.imu)):
-        if profile.range_c is None:
-            raise ConfigurationError("chamber.no_range", device=device, profile=profile.name)
-        ranges[device] = profile.range_c
-    return ranges
-
-
-def _product_errors(setup: RunConfiguration) -> Iterator[EntryError]:
-    yield from register_conflicts(setup.product, setup.imu)
-    yield from unknown_targets(setup.product.targets, "targets")
-    for stage, schedule in setup.schedules.items():
-        yield from unknown_targets(getattr(schedule, "targets", {}), "schedule", stage, "targets")
-
-
-def _check_baud(setup: RunConfiguration) -> None:
-    """Check that the baud rate in the station file suffices for the unit's stream; that of a socket is unknown."""
-    serial, port = setup.station.imu.serial, setup.station.imu.port or ""
-    if serial is None or "baud" not in serial.model_fields_set or port.startswith((*SOCKETS, UDP, CAN)):
-        return
-    try:
-        for frame in setup.imu.frames.values():
-            check_baud(serial, frame, setup.imu.stream.sample_rate_hz)
-    except EntryError as exc:  # the error contains the entry of the profile
-        raise EntryError(exc.code, "imu", "serial", "baud", **exc.values) from None

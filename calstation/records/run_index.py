@@ -1,6 +1,5 @@
 """Search index of runs in SQLite, which is rebuilt from the authoritative files of the runs if it is lost."""
 
-import re
 import secrets
 import sqlite3
 import time
@@ -31,7 +30,22 @@ from calstation.records.indexed_run import (
     from_columns,
     natural_key,
     record_from,
-    to_columns,
+)
+from calstation.records.run_tables import (
+    ACKNOWLEDGED,
+    ACKNOWLEDGED_AT,
+    CHANGED,
+    LATEST,
+    MARK,
+    METADATA,
+    NO_CHECKS,
+    PRESENT,
+    RECEIVED,
+    ROWID,
+    RUNS,
+    conditions_of,
+    row_of,
+    sort_key,
 )
 from calstation.records.verdict import Verdict
 
@@ -56,59 +70,7 @@ _MAX_REMOVED = 1000
 #: SQLite errors for a damaged file or a file that is not a database; all others, such as a full disk, may be temporary.
 _DAMAGED = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 
-#: Time in the file name of a log or in the identifier of a batch.
-_TIME_STAMP = re.compile(r"_?\d{8}T\d{6,}", re.IGNORECASE)
-
 T = TypeVar("T")
-
-#: Content of `failed_checks` if no check failed.
-_NO_CHECKS = "[]"
-#: Fields of a run that are searched. Column `text` of the table contains the searched text and `content` the whole
-#: `RunRecord` as JSON. `parameters` is a list of names and `failed_checks` a list of kinds and subjects as JSON.
-#: `numbers` contains the values of all parameters and of the table's quantities, followed by their sigmas, as float64,
-#: so that 100,000 runs are read at once without parsing.
-_SEARCHED = ("serial", "started_utc", "verdict", "product", "station", "operator", "resumed_from", "batch", "slot")
-#: Columns of the conditions, which have a separate index, so that a query does not read the contents of other runs.
-_FILTERED = ("started_utc", "name", "verdict", "altered", "missing", "product", "station", "operator", "batch", "text")
-_metadata = sa.MetaData()
-_runs = sa.Table(
-    "runs",
-    _metadata,
-    sa.Column("origin", sa.String, primary_key=True),
-    sa.Column("name", sa.String, primary_key=True),
-    sa.Column("stamp", sa.String, nullable=False),
-    *(sa.Column(name, sa.String, index=name == "serial") for name in _SEARCHED),
-    sa.Column("text", sa.String, nullable=False),
-    sa.Column("content", sa.String, nullable=False),
-    sa.Column("partial", sa.Boolean, nullable=False),
-    sa.Column("altered", sa.Boolean, nullable=False),
-    sa.Column("missing", sa.Boolean, nullable=False),
-    sa.Column("check_standard", sa.Boolean, nullable=False),
-    sa.Column("failed_checks", sa.String, nullable=False),
-    sa.Column("parameters", sa.String, nullable=False),
-    sa.Column("numbers", sa.LargeBinary, nullable=False),
-)
-sa.Index("runs_filtered", *(_runs.c[name] for name in _FILTERED))
-#: One row with the shared database from which runs of other folders were received, and the last revision received.
-_received = sa.Table(
-    "received", _metadata, sa.Column("database", sa.String, primary_key=True), sa.Column("revision", sa.BigInteger)
-)
-#: Copy of the stamps that the shared database has acknowledged, of runs and of the URLs of copied logs.
-_acknowledged = sa.Table(
-    "acknowledged",
-    _metadata,
-    sa.Column("kind", sa.String, primary_key=True),
-    sa.Column("name", sa.String, primary_key=True),
-    sa.Column("stamp", sa.String, nullable=False),
-)
-#: One row, added by the first exchange, with the revision of the acknowledged stamps in the shared database.
-_acknowledged_at = sa.Table("acknowledged_at", _metadata, sa.Column("revision", sa.BigInteger, primary_key=True))
-#: One row, added by the first change of the runs, with a random value that every change replaces.
-_changed = sa.Table("changed", _metadata, sa.Column("mark", sa.String, primary_key=True))
-_present = sa.not_(_runs.c.missing)
-_mark = sa.select(_changed.c.mark)
-_latest_first = (_runs.c.started_utc.desc(), _runs.c.name.desc())
-_rowid: sa.ColumnElement[int] = sa.literal_column("runs.rowid", sa.Integer)
 
 
 class RunIndex:
@@ -148,14 +110,14 @@ class RunIndex:
     @property
     def mark(self) -> str | None:
         """Value that every change of the runs replaces; None before the first change."""
-        return self._try(lambda connection: connection.execute(_mark).scalar())
+        return self._try(lambda connection: connection.execute(MARK).scalar())
 
     def stamps(self) -> Mapping[str, str]:
         """Return the stamps of the runs of the folder by name, without those whose files are missing."""
-        query = sa.select(_runs.c.name, _runs.c.stamp).where(_runs.c.origin == "", _present)
+        query = sa.select(RUNS.c.name, RUNS.c.stamp).where(RUNS.c.origin == "", PRESENT)
 
         def read(connection: sa.Connection) -> dict[str, str]:
-            mark = connection.execute(_mark).scalar()
+            mark = connection.execute(MARK).scalar()
             if mark is None or mark != self._stamps[0]:
                 self._stamps = mark, dict(_rows(connection, query))
             return self._stamps[1]
@@ -164,14 +126,14 @@ class RunIndex:
 
     def update(self, runs: Iterable[IndexedRun], removed: Iterable[str] = (), missing: Iterable[str] = ()) -> None:
         """Add or replace runs of the folder, remove those in `removed`, and keep those in `missing` without files."""
-        rows, names, lost = [_row(run) for run in runs], [*removed], [*missing]
-        content = sa.func.json_set(_runs.c.content, "$.missing", sa.func.json("true"))
+        rows, names, lost = [row_of(run) for run in runs], [*removed], [*missing]
+        content = sa.func.json_set(RUNS.c.content, "$.missing", sa.func.json("true"))
 
         def change(connection: sa.Connection) -> None:
             for name in names:
-                connection.execute(sa.delete(_runs).where(_runs.c.origin == "", _runs.c.name == name))
+                connection.execute(sa.delete(RUNS).where(RUNS.c.origin == "", RUNS.c.name == name))
             for name in lost:
-                row = sa.update(_runs).where(_runs.c.origin == "", _runs.c.name == name)
+                row = sa.update(RUNS).where(RUNS.c.origin == "", RUNS.c.name == name)
                 connection.execute(row.values(missing=True, content=content))
             _store(connection, rows)
 
@@ -180,14 +142,14 @@ class RunIndex:
 
     def runs_by_name(self, names: Sequence[str]) -> list[IndexedRun]:
         """Return the runs of the folder with these names."""
-        return self._select_runs(sa.select(_runs).where(_runs.c.origin == "", _runs.c.name.in_(names)))
+        return self._select_runs(sa.select(RUNS).where(RUNS.c.origin == "", RUNS.c.name.in_(names)))
 
     def received(self) -> tuple[str, int]:
         """Return the name of the shared database and the last revision received from it; ("", 0) if there is none.
 
         Raises ConfigurationError if the file is currently unusable.
         """
-        rows = self._in_file(lambda connection: connection.execute(sa.select(_received)).all())
+        rows = self._in_file(lambda connection: connection.execute(sa.select(RECEIVED)).all())
         return (rows[0].database, rows[0].revision) if rows else ("", 0)
 
     def receive(self, runs: Iterable[IndexedRun], database: str, revision: int, after: int = 0) -> None:
@@ -201,31 +163,29 @@ class RunIndex:
         revision : revision of the last run
         after : revision after which the runs were requested; nothing is stored if the earlier runs have been lost
         """
-        rows = [_row(run) for run in runs]
+        rows = [row_of(run) for run in runs]
 
         def change(connection: sa.Connection) -> None:
-            if after and (database, after) not in _rows(connection, sa.select(_received)):
+            if after and (database, after) not in _rows(connection, sa.select(RECEIVED)):
                 return
-            connection.execute(sa.delete(_received))
-            connection.execute(sa.insert(_received).values(database=database, revision=revision))
+            connection.execute(sa.delete(RECEIVED))
+            connection.execute(sa.insert(RECEIVED).values(database=database, revision=revision))
             _store(connection, rows)
 
         if self.received()[0] != database:
-            self._in_file(lambda connection: connection.execute(sa.delete(_received)))
-            some = sa.select(_rowid).select_from(_runs).where(_runs.c.origin > "").limit(_MAX_REMOVED)
-            while self._in_file(
-                lambda connection: connection.execute(sa.delete(_runs).where(_rowid.in_(some))).rowcount
-            ):
+            self._in_file(lambda connection: connection.execute(sa.delete(RECEIVED)))
+            some = sa.select(ROWID).select_from(RUNS).where(RUNS.c.origin > "").limit(_MAX_REMOVED)
+            while self._in_file(lambda connection: connection.execute(sa.delete(RUNS).where(ROWID.in_(some))).rowcount):
                 pass
         self._in_file(change)
 
     def acknowledged_revision(self) -> int:
         """Return the revision of the acknowledged stamps in the shared database; 0 if there is none."""
-        return self._try(lambda connection: connection.execute(sa.select(_acknowledged_at.c.revision)).scalar() or 0)
+        return self._try(lambda connection: connection.execute(sa.select(ACKNOWLEDGED_AT.c.revision)).scalar() or 0)
 
     def acknowledged(self) -> dict[tuple[str, str], str]:
         """Return the stamps that the shared database has acknowledged, by kind of message and name of the run."""
-        rows = self._try(lambda connection: _rows(connection, sa.select(_acknowledged)))
+        rows = self._try(lambda connection: _rows(connection, sa.select(ACKNOWLEDGED)))
         return {(kind, name): stamp for kind, name, stamp in rows}
 
     def acknowledge(self, revision: int, stamps: Iterable[tuple[str, str, str]], *, replace: bool) -> None:
@@ -234,41 +194,41 @@ class RunIndex:
 
         def change(connection: sa.Connection) -> None:
             if replace:
-                connection.execute(sa.delete(_acknowledged))
-            connection.execute(sa.delete(_acknowledged_at))
-            connection.execute(sa.insert(_acknowledged_at).values(revision=revision))
+                connection.execute(sa.delete(ACKNOWLEDGED))
+            connection.execute(sa.delete(ACKNOWLEDGED_AT))
+            connection.execute(sa.insert(ACKNOWLEDGED_AT).values(revision=revision))
             if rows:
-                connection.execute(sa.insert(_acknowledged).prefix_with("OR REPLACE"), rows)
+                connection.execute(sa.insert(ACKNOWLEDGED).prefix_with("OR REPLACE"), rows)
 
         self._try(change)
 
     def find(self, conditions: RunFilter, limit: int | None = None) -> list[IndexedRun]:
         """Find at most `limit` runs that meet all conditions, the latest first."""
-        rows = sa.select(_rowid).select_from(_runs).where(*_conditions(conditions))
-        part = _rowid.in_(rows.order_by(*_latest_first).limit(limit))
-        return self._select_runs(sa.select(_runs).where(part).order_by(*_latest_first))
+        rows = sa.select(ROWID).select_from(RUNS).where(*conditions_of(conditions))
+        part = ROWID.in_(rows.order_by(*LATEST).limit(limit))
+        return self._select_runs(sa.select(RUNS).where(part).order_by(*LATEST))
 
     def records(self, conditions: RunFilter, limit: int | None, offset: int, order: RunOrder) -> list[RunRecord]:
         """Return at most `limit` runs that meet all conditions without their values, in this order from `offset`."""
-        key = _sort_key(order.field)
-        by = _latest_first if order == LATEST_FIRST else (key.desc() if order.descending else key, *_latest_first)
-        matching = sa.select(_rowid).select_from(_runs).where(*_conditions(conditions)).order_by(*by)
-        part = _rowid.in_(matching.limit(limit).offset(offset))
-        query = sa.select(_runs.c.content).where(part).order_by(*by)
+        key = sort_key(order.field)
+        by = LATEST if order == LATEST_FIRST else (key.desc() if order.descending else key, *LATEST)
+        matching = sa.select(ROWID).select_from(RUNS).where(*conditions_of(conditions)).order_by(*by)
+        part = ROWID.in_(matching.limit(limit).offset(offset))
+        query = sa.select(RUNS.c.content).where(part).order_by(*by)
         contents = self._try(lambda connection: _rows(connection, query))
         return [self._located(record_from(content)) for (content,) in contents]
 
     def counts(self, conditions: RunFilter) -> tuple[int, int]:
         """Return the number of runs that meet all conditions, and of those of them with files."""
-        with_files = sa.func.count(sa.case((_runs.c.missing, None), else_=1))
-        query = sa.select(sa.func.count(), with_files).select_from(_runs).where(*_conditions(conditions))
+        with_files = sa.func.count(sa.case((RUNS.c.missing, None), else_=1))
+        query = sa.select(sa.func.count(), with_files).select_from(RUNS).where(*conditions_of(conditions))
         count, present = self._try(lambda connection: connection.execute(query).one())
         return int(count), int(present)
 
     def choices(self) -> RunChoices:
         """Return the values that can be chosen as conditions."""
-        query = sa.select(_runs.c.product, _runs.c.station, _runs.c.operator).distinct()
-        query_first = sa.select(sa.func.min(_runs.c.started_utc)).where(_runs.c.started_utc != "")
+        query = sa.select(RUNS.c.product, RUNS.c.station, RUNS.c.operator).distinct()
+        query_first = sa.select(sa.func.min(RUNS.c.started_utc)).where(RUNS.c.started_utc != "")
         rows, first = self._try(
             lambda connection: (connection.execute(query).all(), connection.execute(query_first).scalar())
         )
@@ -291,39 +251,39 @@ class RunIndex:
         before : exclusive upper limit of the start, ISO 8601; None for no limit
         limit : largest number of runs; None for no limit
         """
-        query = sa.select(_runs).where(_runs.c.serial == serial, _present)
+        query = sa.select(RUNS).where(RUNS.c.serial == serial, PRESENT)
         if verdicts is not None:
-            query = query.where(_runs.c.verdict.in_(verdicts))
+            query = query.where(RUNS.c.verdict.in_(verdicts))
         if before is not None:
-            query = query.where(_runs.c.started_utc < before)
-        return self._select_runs(query.order_by(*_latest_first).limit(limit))
+            query = query.where(RUNS.c.started_utc < before)
+        return self._select_runs(query.order_by(*LATEST).limit(limit))
 
     def passed_units(self) -> set[str]:
         """Return the serial numbers of the units with a run that passed and was not partial."""
-        passed = _runs.c.verdict == Verdict.PASSED, sa.not_(_runs.c.partial), _present
-        rows = self._try(lambda connection: _rows(connection, sa.select(_runs.c.serial).where(*passed).distinct()))
+        passed = RUNS.c.verdict == Verdict.PASSED, sa.not_(RUNS.c.partial), PRESENT
+        rows = self._try(lambda connection: _rows(connection, sa.select(RUNS.c.serial).where(*passed).distinct()))
         return {serial for (serial,) in rows}
 
     def attempts(self, serial: str) -> int:
         """Return the number of runs started for a unit; a resumed run counts once."""
-        query = sa.select(sa.func.count()).select_from(_runs)
-        query = query.where(_runs.c.serial == serial, _runs.c.resumed_from.is_(None), _present)
+        query = sa.select(sa.func.count()).select_from(RUNS)
+        query = query.where(RUNS.c.serial == serial, RUNS.c.resumed_from.is_(None), PRESENT)
         return self._try(lambda connection: int(connection.execute(query).scalar_one()))
 
     def columns(self, conditions: RunFilter) -> RunColumns:
         """Return the runs that meet all conditions and have a start time, in columns."""
-        days = sa.func.julianday(_runs.c.started_utc)  # SQL NULL for an invalid time
+        days = sa.func.julianday(RUNS.c.started_utc)  # SQL NULL for an invalid time
         fields = ("name", "serial", "verdict", "product", "station", "operator", "partial", "check_standard")
-        where = (days.is_not(None), *_conditions(conditions))
+        where = (days.is_not(None), *conditions_of(conditions))
 
         def read(connection: sa.Connection) -> tuple[str, list[tuple[Any, ...]]]:
             # NULL replaces the most frequent text, because reading 50,000 equal texts takes a fifth of the time
-            usual_parameters = connection.execute(sa.select(_runs.c.parameters).where(*where).limit(1)).scalar() or ""
+            usual_parameters = connection.execute(sa.select(RUNS.c.parameters).where(*where).limit(1)).scalar() or ""
             texts = (
-                sa.func.nullif(_runs.c.failed_checks, _NO_CHECKS),
-                sa.func.nullif(_runs.c.parameters, usual_parameters),
+                sa.func.nullif(RUNS.c.failed_checks, NO_CHECKS),
+                sa.func.nullif(RUNS.c.parameters, usual_parameters),
             )
-            query = sa.select(days, *(_runs.c[name] for name in fields), *texts, _runs.c.numbers)
+            query = sa.select(days, *(RUNS.c[name] for name in fields), *texts, RUNS.c.numbers)
             return usual_parameters, _rows(connection, query.where(*where))
 
         usual_parameters, rows = self._try(read)
@@ -346,7 +306,7 @@ class RunIndex:
             operators,
             np.array(partial, dtype=bool),
             np.array(standard, dtype=bool),
-            Categories(tuple(read_check_ids(each or _NO_CHECKS) for each in checks.values), checks.codes),
+            Categories(tuple(read_check_ids(each or NO_CHECKS) for each in checks.values), checks.codes),
             values,
             {name: sigmas[name] for name in values},
             table,
@@ -449,8 +409,8 @@ def _create(connection: sa.Connection) -> None:
         return
     connection.exec_driver_sql("BEGIN IMMEDIATE")
     if connection.execute(version).scalar_one() != _VERSION:
-        _metadata.drop_all(connection)
-        _metadata.create_all(connection)
+        METADATA.drop_all(connection)
+        METADATA.create_all(connection)
         connection.execute(sa.text(f"PRAGMA user_version={_VERSION}"))
         connection.execute(sa.text(f"PRAGMA application_id={secrets.randbelow(2**31)}"))
 
@@ -461,50 +421,9 @@ def _rows(connection: sa.Connection, query: sa.Select[Any]) -> list[tuple[Any, .
     return [] if cursor is None else list(cursor.fetchall())
 
 
-def _sort_key(field: str) -> sa.ColumnElement[Any]:
-    """Return the expression by which runs are sorted by a field of `RunRecord`."""
-    if field == "started_utc":
-        return _runs.c.started_utc
-    value = _runs.c[field] if field in _SEARCHED else sa.func.json_extract(_runs.c.content, f"$.{field}")
-    return sa.func.natural_key(sa.func.coalesce(value, ""))
-
-
-def _conditions(run_filter: RunFilter) -> list[sa.ColumnElement[bool]]:
-    columns = ("verdict", "product", "station", "operator", "batch")
-    conditions = [_runs.c[name] == getattr(run_filter, name) for name in columns if getattr(run_filter, name)]
-    if run_filter.altered is not None:
-        conditions.append(_runs.c.altered == run_filter.altered)
-    if run_filter.missing is not None:
-        conditions.append(_runs.c.missing == run_filter.missing)
-    if run_filter.since:
-        conditions.append(_runs.c.started_utc >= run_filter.since)
-    if run_filter.before:
-        conditions.append(_runs.c.started_utc < run_filter.before)
-    if run_filter.names:
-        conditions.append(_runs.c.name.in_(run_filter.names))
-    if search := run_filter.search.strip():
-        searched = [_runs.c.name, _runs.c.batch] if _TIME_STAMP.search(search) else [_runs.c.text]
-        text = search if _TIME_STAMP.search(search) else search.casefold()
-        conditions.append(sa.or_(*(column.contains(text, autoescape=True) for column in searched)))
-    return conditions
-
-
-def _row(run: IndexedRun) -> dict[str, Any]:
-    record = run.record
-    columns = {name: getattr(record, name) for name in _SEARCHED}
-    texts = (record.serial, run.name, record.product, record.station, record.operator, record.batch)
-    # the digits of the time would be found instead of a serial number; a whole name or identifier is found with them
-    columns["text"] = _TIME_STAMP.sub("", "\n".join(filter(None, texts))).casefold()
-    columns["partial"] = record.partial
-    columns["altered"] = record.altered
-    columns["missing"] = record.missing
-    columns["check_standard"] = record.check_standard
-    return {"origin": record.origin, "name": run.name, "stamp": run.stamp, **columns, **to_columns(run)}
-
-
 def _store(connection: sa.Connection, rows: list[dict[str, Any]]) -> None:
     """Add or replace rows, and change `mark`."""
     if rows:
-        connection.execute(sa.insert(_runs).prefix_with("OR REPLACE"), rows)
-    connection.execute(sa.delete(_changed))
-    connection.execute(sa.insert(_changed).values(mark=secrets.token_hex(8)))
+        connection.execute(sa.insert(RUNS).prefix_with("OR REPLACE"), rows)
+    connection.execute(sa.delete(CHANGED))
+    connection.execute(sa.insert(CHANGED).values(mark=secrets.token_hex(8)))

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from calstation.config import RunRequest, StationConfig, load_configuration
-from calstation.config.run_configuration import check_chamber
+from calstation.config.configuration_checks import check_chamber
 from calstation.connection import check_chamber_link
 from calstation.connection.devices import endpoints
 from calstation.errors import ConfigurationError

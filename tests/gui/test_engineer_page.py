@@ -31,7 +31,7 @@ from calstation.config import RunRequest, access, library, versions
 from calstation.gui.engineer import EngineerPage
 from calstation.gui.engineer.observability_view import HeatMap
 from calstation.gui.engineer.preview import PreviewView
-from calstation.gui.engineer.result_analysis import ResultView
+from calstation.gui.engineer.result_view import ResultView
 from calstation.gui.state import AppContext, ReleaseBar
 from calstation.gui.text import language, say
 from calstation.gui.widgets import CellTable, ComparisonTable, JobWatch, ParameterSet, StateBadge

@@ -20,7 +20,7 @@ from calstation.config import (
     load_station,
 )
 from calstation.errors import CalstationError
-from calstation.gui.engineer.result_analysis import verdict_badge
+from calstation.gui.engineer.result_view import verdict_badge
 from calstation.gui.state import AppContext, PeoplePanel
 from calstation.gui.text import Words, fault_text, on_language_change, say, step_sentence
 from calstation.gui.widgets import (

@@ -20,7 +20,9 @@ from calstation.gui.operator.questions import (
     FailingNotice,
     ValidationNotice,
     ask,
+    close_question,
     has_pair,
+    progress_message,
     refusal,
     unsuitable_products,
     wrong_rig,
@@ -29,14 +31,13 @@ from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
 from calstation.gui.operator.units import SlotsPanel, VerdictGrid
 from calstation.gui.operator.verdict import VerdictPanel
-from calstation.gui.state import TRANSFER, AppContext, EventLog, ExchangeLabel, Page, chamber_reason, run_badge
+from calstation.gui.state import AppContext, EventLog, ExchangeLabel, Page, chamber_reason, run_badge
 from calstation.gui.text import (
     fault_text,
     offered_products,
     on_language_change,
     rendered,
     say,
-    step_sentence,
     term,
 )
 from calstation.gui.widgets import (
@@ -55,7 +56,7 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
-from calstation.messages import Text, event_text
+from calstation.messages import Text
 from calstation.records import Verdict
 from calstation.runs import RunSummary, run_summary
 
@@ -337,6 +338,7 @@ class OperatorPage(Page):
             self._message.setText(say("operator.nothing_running"))
 
     def _running_changed(self, running: bool) -> None:
+        run = self.app.run
         if running:
             self.notice.dismiss()
             self._show_serial()
@@ -349,9 +351,10 @@ class OperatorPage(Page):
         self._shift.count()
         if not self._next_awaited:
             self._await_next()
-        elif self.app.run.state == "idle":
+        elif run.state == "idle":
             self._starting.check()  # the next unit may have been scanned before the engine ended
-        self._offer_again()
+        if run.state in (Verdict.STOPPED, Verdict.INCOMPLETE):
+            self._starting.offer_same_units() if run.in_slots else self._starting.interrupted.offer(run.unit.serial)
         self._ask_transfer()
         self._offer_after_fault()
 
@@ -373,12 +376,6 @@ class OperatorPage(Page):
             return
         self.header.focus_scan()
 
-    def _offer_again(self) -> None:
-        """Offer to continue with the units of an incomplete run after its engine has ended."""
-        run = self.app.run
-        if run.state in (Verdict.STOPPED, Verdict.INCOMPLETE):
-            self._starting.offer_same_units() if run.in_slots else self._starting.interrupted.offer(run.unit.serial)
-
     def ask_close(self, stop_and_close: Callable[[], None], close_now: Callable[[], None]) -> None:
         """Ask whether to stop the run and close the window; after a stop request, offer to close it immediately."""
 
@@ -389,18 +386,7 @@ class OperatorPage(Page):
                 ask(self.closing, "stopped", Text(code), {"close_now": close_now})
 
         answers = {"close": stop, "keep_open": self.setFocus}
-        ask(self.closing, "caution", self._close_question(), answers, primary="keep_open")
-
-    def _close_question(self) -> Text:
-        """Return what the window would interrupt by closing, and what is lost."""
-        run, latest = self.app.run, self.app.run.chamber.latest
-        state = {"starting": "preparing", "pausing": "pause", "paused": "pause", "stopping": "end"}.get(run.state)
-        state = state or (run.state if run.state == "preparing" else "run" if run.in_progress else "end")
-        if run.register_operation or (run.stage is not None and run.stage.name == TRANSFER):
-            state = "writing"
-        later = "resumed" if run.resumable else "again" if state == "preparing" else "lost"
-        chamber = "" if latest is None else Text.of("window.close_chamber", air=latest.air_c)
-        return Text.of(f"question.close_during_{state}", later=Text(f"window.close_{later}"), chamber=chamber)
+        ask(self.closing, "caution", close_question(self.app.run), answers, primary="keep_open")
 
     # ---- status of the run
 
@@ -506,17 +492,8 @@ class OperatorPage(Page):
         if run.state in ("idle", "starting"):
             slots = run.state == "idle" and run.runnable and self._starting.slots
             return say("operator.message_idle_slots" if slots else f"operator.message_{run.display_state}")
-        if run.state == "stopping" and not run.commanded:
-            return say("operator.message_stopping_connecting")
         if run.state == Verdict.STOPPED and not run.finalized and self.app.engine_link.running:
             return say("operator.message_stopped")
-        if run.state in ("stopping", "paused"):
-            return say(f"operator.message_{run.state}{'_manual' if run.by_hand else ''}")
-        if not run.in_progress:
-            return self._verdicts.next_action() if run.in_slots else self._verdict.next_action()
-        if run.latest is None:
-            return ""
-        kind, key, values = run.latest
-        if key == "carry" and run.stage is not None:  # the position panel gives the instruction
-            return term("stage", run.stage.name)
-        return say(event_text(key, values)) if kind == "message" else step_sentence(key, values)
+        if run.in_progress or run.state in ("stopping", "paused"):
+            return progress_message(run)
+        return self._verdicts.next_action() if run.in_slots else self._verdict.next_action()

@@ -1,4 +1,4 @@
-"""Questions in notice bars, the dialog before the start of a run, and why products cannot be calibrated here."""
+"""Questions in notice bars, the message about a run, the dialog before its start, and why products are unsuitable here."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -8,8 +8,8 @@ from pathlib import Path
 from calstation.config import ManualRigError, Person, RunRequest, load_station, product_error
 from calstation.database import Claim
 from calstation.errors import CalstationError
-from calstation.gui.state import AppContext, PeoplePanel, RunStatus
-from calstation.gui.text import for_operator, rendered, say, term
+from calstation.gui.state import TRANSFER, AppContext, PeoplePanel, RunStatus
+from calstation.gui.text import for_operator, rendered, say, step_sentence, term
 from calstation.gui.widgets import Choice, NoticeBar
 from calstation.messages import Text, event_text
 from calstation.runs import Question, Role, RunStart
@@ -52,6 +52,32 @@ def ask(
     ]
     title, text = (lambda: rendered(question).text), lambda: rendered(question, engineer=engineer).remedy
     bar.ask(kind, title, text, [*others, *choices])
+
+
+def close_question(run: RunStatus) -> Text:
+    """Return what the window would interrupt by closing, and what is lost: a term of the family ``question``."""
+    latest = run.chamber.latest
+    state = {"starting": "preparing", "pausing": "pause", "paused": "pause", "stopping": "end"}.get(run.state)
+    state = state or (run.state if run.state == "preparing" else "run" if run.in_progress else "end")
+    if run.register_operation or (run.stage is not None and run.stage.name == TRANSFER):
+        state = "writing"
+    later = "resumed" if run.resumable else "again" if state == "preparing" else "lost"
+    chamber = "" if latest is None else Text.of("window.close_chamber", air=latest.air_c)
+    return Text.of(f"question.close_during_{state}", later=Text(f"window.close_{later}"), chamber=chamber)
+
+
+def progress_message(run: RunStatus) -> str:
+    """Return what a run that has not ended does."""
+    if run.state == "stopping" and not run.commanded:
+        return say("operator.message_stopping_connecting")
+    if run.state in ("stopping", "paused"):
+        return say(f"operator.message_{run.state}{'_manual' if run.by_hand else ''}")
+    if run.latest is None:
+        return ""
+    kind, key, values = run.latest
+    if key == "carry" and run.stage is not None:  # the position panel gives the instruction
+        return term("stage", run.stage.name)
+    return say(event_text(key, values)) if kind == "message" else step_sentence(key, values)
 
 
 def refusal(code: str, error: CalstationError, *, engineer: bool) -> Text:
