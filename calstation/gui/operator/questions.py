@@ -1,4 +1,4 @@
-"""Questions in notice bars, the message about a run, the dialog before its start, and why products are unsuitable here."""
+"""Questions in notice bars, the message about a run, the dialog before its start, and why products are unsuitable."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
