@@ -1,7 +1,7 @@
 """Limits for what the libraries of foreign formats unpack: a small file could otherwise fill the memory or the disk."""
 
 import bz2
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -11,6 +11,8 @@ from calstation.errors import InputError
 MAX_CHUNK = 1 << 27
 #: Largest size of everything that is unpacked, as a multiple of the size of the file, and the least, bytes.
 _MAX_RATIO, _MIN_TOTAL = 100, 1 << 30
+#: Bytes that are unpacked at once.
+_PART = 1 << 18
 
 
 class Unpacking:
@@ -28,17 +30,18 @@ class Unpacking:
         """Unpack a frame of LZ4."""
         from lz4.frame import LZ4FrameDecompressor
 
-        return self._taken(LZ4FrameDecompressor().decompress(data, max_length=self._most))
+        return self._decompressed(LZ4FrameDecompressor(), data)
 
     def bz2(self, data: bytes) -> bytes:
         """Unpack a stream of bzip2."""
-        return self._taken(bz2.BZ2Decompressor().decompress(data, max_length=self._most))
+        return self._decompressed(bz2.BZ2Decompressor(), data)
 
     def zstd(self, data: bytes, _size: int = 0) -> bytes:
         """Unpack a frame of Zstandard."""
         from zstandard import ZstdDecompressor
 
-        return self._taken(ZstdDecompressor().stream_reader(data).read(self._most))
+        reader = ZstdDecompressor().stream_reader(data)
+        return self._joined(iter(lambda: reader.read(_PART), b""))
 
     def open(self, file: BinaryIO, _mode: str) -> "_Stream":
         """Open a packed file of Zstandard for reading."""
@@ -46,13 +49,27 @@ class Unpacking:
 
         return _Stream(ZstdDecompressor().stream_reader(file), self._taken)
 
-    @property
-    def _most(self) -> int:
-        return min(MAX_CHUNK, self._left) + 1
+    def _decompressed(self, decompressor: Any, data: bytes) -> bytes:
+        def parts() -> Iterator[bytes]:
+            yield decompressor.decompress(data, max_length=_PART)
+            while not (decompressor.eof or decompressor.needs_input):
+                yield decompressor.decompress(b"", max_length=_PART)
+
+        return self._joined(parts())
+
+    def _joined(self, parts: Iterable[bytes]) -> bytes:
+        """Join the parts of one chunk; they are small, because some libraries reserve the largest size at once."""
+        joined = []
+        size = 0
+        for part in parts:
+            joined.append(self._taken(part))
+            if (size := size + len(part)) > MAX_CHUNK:
+                raise InputError("foreign.too_large", file=self._path)
+        return b"".join(joined)
 
     def _taken(self, data: bytes) -> bytes:
         self._left -= len(data)
-        if self._left < 0 or len(data) > MAX_CHUNK:
+        if self._left < 0:
             raise InputError("foreign.too_large", file=self._path)
         return data
 
