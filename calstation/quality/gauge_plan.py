@@ -239,7 +239,7 @@ class StudyState:
 
 
 def evaluate_study(report: ProgressCallback, folder: Path, path: Path, product: Path | None) -> StudyState:
-    """Job: read a plan and evaluate it from the runs of a folder, whose index is up to date.
+    """Job: read a plan, update the index of a folder of runs, and evaluate the plan from them.
 
     The tolerances are the widths of the limits of the plan's product, from the file `product` or by default from the
     known product with this name; an unknown product has none. Raises InputError or ConfigurationError if the plan or
@@ -249,6 +249,7 @@ def evaluate_study(report: ProgressCallback, folder: Path, path: Path, product: 
     config = dict(known_products()).get(plan.product) if product is None else load_product(product)[1]
     if config is not None and config.name != plan.product:
         raise InputError("quality.study_other_product", product=config.name, plan=plan.product)
+    History(folder).refresh()
     runs = product_runs(folder, plan.product)
     missing = tuple(plan.remaining(runs))
     studies = {}

@@ -176,7 +176,7 @@ def test_certificate_is_issued_from_the_verdict_and_from_the_history(
     operator.until(lambda: f"{revision.name} was changed after the certificate was issued" in operator.says())
     assert not operator.window.findChildren(QPushButton, "certificate_open_button"), "not offered"
     listed = operator.widget("history_events_table", QTableView).model()
-    lines = [str(listed.index(row, 1).data()) for row in range(listed.rowCount())]
+    lines = [str(listed.index(row, listed.columnCount() - 1).data()) for row in range(listed.rowCount())]
     assert "Six positions ended: its plan is complete." in lines
     events = [each for each in events_of(operator) if each.event == "certificate"]
     assert [(each.by, each.values["pin"], each.why) for each in events][1:] == [("Li Na", None, "new form")]

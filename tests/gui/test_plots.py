@@ -101,6 +101,7 @@ def all_plots(window: MainWindow) -> list[pg.GraphicsView]:
     """Return all plots of all pages, including lazily created views, except the travel bars."""
     for method in METHODS:
         window.offline_page.methods.select(method)
+    window.create_engineer_page()
     page = window.findChild(EngineerPage)
     assert page is not None
     analysis = page.analysis

@@ -177,4 +177,5 @@ def test_units_of_a_batch_are_calibrated_over_temperature_at_once(thermal: SiteF
         tuple(ended.result["temperature"]["coefficients"]["gyro_bias_x"]["values"]) for ended in verdicts.values()
     }
     assert len(biases) == 4
-    assert [m.id for m in thermal.events_of(Message)][-1] == "chamber_may_be_opened"
+    chamber = [m.id for m in thermal.events_of(Message) if m.id.startswith("chamber_")]
+    assert chamber[-1] == "chamber_may_be_opened"

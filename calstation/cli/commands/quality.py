@@ -156,7 +156,6 @@ def _evaluate(path: Path, product: Path | None, parameter: str | None, out: Path
     """
     existing_folder(out)
     _check_parameter(parameter)
-    refresh_history(ignore_progress, out)
     state = evaluate_study(ignore_progress, out, path, product)
     state.plan.check_complete(state.missing)
     studies = {name: study for name, study in state.studies.items() if parameter in (None, name)}

@@ -40,7 +40,7 @@ class EngineerHeader(QWidget):
         self.start_button.setFixedHeight(theme.BIG_BUTTON)
         self.start_button.setMinimumWidth(22 * theme.GRID)
         self.start_button.setFont(theme.font(theme.SECTION, bold=True))
-        end_button = EndStageButton(run, "engineer_end_stage_button")
+        end_button = EndStageButton(run, "engineer_end_stage_button", self)
         pause_button = PauseButton(run, "engineer_pause_button")
         pause_button.setFixedSize(12 * theme.GRID, theme.BIG_BUTTON)
         self._strip = RunStrip(run)

@@ -89,6 +89,7 @@ class StageList(QFrame):
         end_stage = EndStageButton(
             run,
             "end_stage_button",
+            self,
             lambda: run.run_summary is not None and run.run_summary.operator_ends_stages,
         )
         column(

@@ -115,8 +115,8 @@ def _state_badge(run: RunStatus) -> tuple[str, str]:
 class EndStageButton(QPushButton):
     """A button that ends the current stage after its move, visible during a run if `allowed` returns True."""
 
-    def __init__(self, run: RunStatus, name: str, allowed: Callable[[], bool] = lambda: True) -> None:
-        super().__init__()
+    def __init__(self, run: RunStatus, name: str, parent: QWidget, allowed: Callable[[], bool] = lambda: True) -> None:
+        super().__init__(parent)  # without it, the button would be shown as a window if it is created during a run
         self._run, self._allowed = run, allowed
         self.setObjectName(name)
         self.setVisible(False)
