@@ -16,6 +16,8 @@ from calstation import __version__, applog
 from calstation.config import RegisterOperation, RunRequest
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.jobs import STOP_SIGNALS, ChildProcess, receive_stop_signals
+from calstation.messages import Text
+from calstation.records import can_be_resumed
 from calstation.runs.channel import HEARTBEAT, Channel
 from calstation.sequencer import (
     SOLVER_THREADS,
@@ -68,10 +70,13 @@ class Engine:
     When `ended` is True, `poll` returns no more events.
     """
 
-    def __init__(self, child: ChildProcess, units: int = 1) -> None:
+    def __init__(self, child: ChildProcess, work: RunRequest | RegisterOperation | None = None) -> None:
         self._child, self.process = child, child.process
         self._has_event = False
-        self._pending_units = units
+        #: Whether the work is a run of one unit, and whether it can be resumed if the process ends now.
+        self._single = isinstance(work, RunRequest) and not work.serials
+        self._resumable = isinstance(work, RunRequest) and work.resume is not None
+        self._pending_units = sum(map(bool, work.serials)) or 1 if isinstance(work, RunRequest) else 1
         self.ended = False
         self._frozen = self._compiling = False
         self._silence = 0.0
@@ -80,8 +85,7 @@ class Engine:
     @classmethod
     def start(cls, request: RunRequest | RegisterOperation) -> "Engine":
         """Start a run or a register operation in a new process."""
-        units = sum(map(bool, request.serials)) or 1 if isinstance(request, RunRequest) else 1
-        return cls(ChildProcess("engine", _engine, request), units)
+        return cls(ChildProcess("engine", _engine, request), request)
 
     @property
     def _has_ended(self) -> bool:
@@ -163,6 +167,8 @@ class Engine:
             else:
                 event = from_json(message)
                 self._has_event = True
+                if self._single and can_be_resumed([{"event": type(event).__name__}]):
+                    self._resumable = True
                 if isinstance(event, Finalized | Settled):
                     self._pending_units -= 1
                 elif isinstance(event, Fault) and not event.slot:
@@ -193,7 +199,8 @@ class Engine:
         return True
 
     def _fault(self, code: str, **values: Any) -> Fault:
-        fault = Fault.of(DeviceFaultError(code, **values))
+        then = Text("run.then_resume" if self._resumable else "run.then_again")
+        fault = Fault.of(DeviceFaultError(code, then=then, **values))
         logger.error("%s", fault.text)
         return fault
 

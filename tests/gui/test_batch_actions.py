@@ -135,7 +135,7 @@ def test_paused_batch_and_next_step_after_a_fault_of_the_table(operator: Operato
     assert "2 units  ·  PAUSED" in operator.window.windowTitle()
     emit(StateChanged("running", "paused"))
     end_unit(operator, "1", "passed", **PASSED)
-    emit(Fault("TableFaultError", "", 3, "run.engine_ended", {"exit_code": -9, "station_options": ""}))
+    emit(Fault("TableFaultError", "", 3, "run.engine_ended", {"exit_code": -9, "then": Text("run.then_again")}))
     operator.window.app.engine_link._end()
     operator.press("acknowledge_button")
     says = operator.widget("message_label", QLabel).text

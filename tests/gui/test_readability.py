@@ -16,6 +16,7 @@ from calstation.gui.start import growth
 from calstation.gui.state import RunStrip
 from calstation.gui.text import language, product_text, station_text
 from calstation.gui.widgets import PageArea, theme
+from calstation.messages import Text
 from calstation.physics import DEGREE_PER_HOUR, INDEX, PARAMETERS
 from calstation.sequencer import Fault, StageProgress, StageStarted, StateChanged
 from tests.check_rows import check_row
@@ -167,7 +168,7 @@ def test_a_fault_that_the_table_latched_stresses_the_reset(simulated_run: Operat
     window = simulated_run.window
     window.app.set_language(code)
     window.app.engine_link.event.emit(
-        Fault("TableFaultError", "", 3, "run.engine_ended", {"exit_code": -9, "station_options": ""})
+        Fault("TableFaultError", "", 3, "run.engine_ended", {"exit_code": -9, "then": Text("run.then_again")})
     )
     window.app.engine_link.running_changed.emit(False)
     panel = window.operator_page._verdict
@@ -197,12 +198,14 @@ def test_no_fault_is_shown_after_a_silent_engine_responds_again(simulated_run: O
     emit = window.app.engine_link.event.emit
     emit(StateChanged("running", "preparing"))
     emit(StageStarted("rate", 0, 1, 60.0))
-    emit(Fault("DeviceFaultError", "", 3, "run.engine_silent"))
-    emit(Fault("DeviceFaultError", "", 3, "run.engine_silent"))  # silent again after heartbeats without an event
+    emit(Fault("DeviceFaultError", "", 3, "run.engine_silent", {"then": Text("run.then_again")}))
+    emit(
+        Fault("DeviceFaultError", "", 3, "run.engine_silent", {"then": Text("run.then_again")})
+    )  # silent again after heartbeats without an event
     assert (run.state, run.stages[0].state) == ("fault", "fault")
     emit(StageProgress("rate", 0.5, 30.0, {}))
     assert (run.state, run.fault, run.stages[0].state) == ("running", None, "active")
     assert run.stages[0].fraction == 0.5
-    emit(Fault("TableFaultError", "", 3, "run.engine_ended", {"exit_code": -9, "station_options": ""}))
+    emit(Fault("TableFaultError", "", 3, "run.engine_ended", {"exit_code": -9, "then": Text("run.then_again")}))
     emit(StageProgress("rate", 0.6, 20.0, {}))
     assert run.state == "fault", "another fault stays until it is acknowledged"

@@ -13,7 +13,7 @@ from pytestqt.qtbot import QtBot
 from calstation.gui.history import HistoryPage
 from calstation.gui.history.record_view import _state
 from calstation.gui.text import event_line
-from calstation.messages import local_time
+from calstation.messages import Text, local_time
 from calstation.records import IssuedReport, Verdict, append_audit
 from calstation.reports import IssuedCertificate, IssuedPdf
 from calstation.reports.issue import _issuers
@@ -92,7 +92,7 @@ def test_silence_of_an_engine_that_responds_again_is_no_error_in_the_list(simula
     operator.press("events_button")
     emit = operator.window.app.engine_link.event.emit
     emit(Message("preparing_solver"))
-    emit(Fault("DeviceFaultError", "", 3, "run.engine_silent"))
+    emit(Fault("DeviceFaultError", "", 3, "run.engine_silent", {"then": Text("run.then_again")}))
     operator.until(lambda: len(sentences(table)) == 2)
     waiting, silent = sentences(table)
     assert "first start on this computer, it is compiled, which takes about two minutes" in waiting

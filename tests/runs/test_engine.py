@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from queue import Queue
 from types import SimpleNamespace
@@ -17,6 +18,7 @@ from typing import Any, cast
 import pytest
 
 from calstation.errors import DeviceFaultError
+from calstation.messages import render
 from calstation.records import open_log
 from calstation.results.handover import CSV_NAME
 from calstation.runs import Engine, finish_incomplete
@@ -26,13 +28,18 @@ from calstation.sequencer import (
     Fault,
     Finalized,
     Message,
+    StageSolved,
     StageStarted,
     StateChanged,
     StepStarted,
+    from_json,
     to_json,
 )
 from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
+
+#: The solution of a stage.
+SOLVED = StageSolved("rate", {}, {"passed": True})
 
 
 def test_engine_sends_events_and_accepts_commands(site_folder: SiteFolder) -> None:
@@ -144,6 +151,36 @@ def test_engine_that_compiles_the_solver_may_be_silent_for_longer(monkeypatch: p
     assert silence_after(Message("checking_mounting")) < 3.0
     assert 25.0 < silence_after(Message("preparing_solver")) < 35.0
     assert silence_after(StateChanged("running", "preparing")) < 3.0
+
+
+@pytest.mark.parametrize(
+    ("serials", "event", "english", "chinese"),
+    [
+        ((), StageStarted("rate", 0, 2, 60.0), "then start again.", "然后重新开始。"),
+        ((), SOLVED, "then resume the run after its last completed stage, or start again.", "之后接着做，或重新开始。"),
+        (("SN-1", "SN-2"), SOLVED, "then start again.", "然后重新开始。"),
+    ],
+    ids=["no stage", "stage", "batch"],
+)
+def test_dead_engine_offers_to_resume_only_after_a_completed_stage(
+    site_folder: SiteFolder, serials: tuple[str, ...], event: Event, english: str, chinese: str
+) -> None:
+    messages = iter([to_json(event)])
+
+    def take(_: float) -> str:
+        try:
+            return next(messages)
+        except StopIteration:
+            raise EOFError from None
+
+    process = SimpleNamespace(join=lambda _: None, exitcode=-9)
+    request = replace(site_folder.request("rate"), serials=serials)
+    fault = Engine(cast(Any, SimpleNamespace(process=process, take=take)), request).poll()[-1]
+    assert isinstance(fault, Fault)
+    fault = from_json(to_json(fault))
+    assert isinstance(fault, Fault)
+    assert render(fault.code, fault.values, window=True).remedy.endswith(english)
+    assert render(fault.code, fault.values, "zh_CN", window=True).remedy.endswith(chinese)
 
 
 def test_terminated_engine_gives_a_polling_window_one_fault(site_folder: SiteFolder) -> None:
