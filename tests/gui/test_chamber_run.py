@@ -1,16 +1,19 @@
 """A run over temperature in the window: temperatures, what a soak waits for, and the chamber that must stay closed."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from PySide6.QtWidgets import QComboBox, QPushButton
 
-from calstation.config import RunRequest, library
+from calstation.config import RunRequest, access, library
 from calstation.errors import DeviceFaultError
+from calstation.gui.engineer.page import EngineerPage
 from calstation.gui.operator.live import TemperaturePanel
 from calstation.gui.operator.loading import Loading
 from calstation.gui.state import ChamberNotice, RunStrip, run_badge
 from calstation.gui.state.engine_link import EngineLink
+from calstation.messages import Text
 from calstation.records import Verdict
 from calstation.runs import run_summary
 from calstation.sequencer import (
@@ -217,19 +220,30 @@ def test_chamber_must_stay_closed_after_its_fault_was_read(thermal: ThermalRun) 
     assert operator.run.state == "idle"
 
 
-def test_engine_that_dies_leaves_the_chamber_unknown(thermal: ThermalRun) -> None:
+def shown_buttons(operator: Operator) -> list[str]:
+    """Return the texts of the buttons that acknowledge a fault or a notice about the chamber."""
+    names = "acknowledge_button", "operator_page_chamber_notice_close"
+    return [button.text() for name in names if (button := operator.widget(name, QPushButton)).isVisible()]
+
+
+def test_engine_that_dies_leaves_the_chamber_unknown(thermal: ThermalRun, monkeypatch: pytest.MonkeyPatch) -> None:
+    access.set_pin("", "246813")
+    thermal.app.role.unlock("246813")
     thermal.emit(SOAK, StageProgress("temperature", 0.1, 100.0))
-    thermal.emit(Fault.of(DeviceFaultError("run.engine_ended", exit_code=-9)))
+    thermal.emit(Fault.of(DeviceFaultError("run.engine_ended", exit_code=-9, then=Text("run.then_again"))))
     thermal.set_running(running=False)
     thermal.operator.until(thermal.notice.isVisible)
     assert thermal.notice.title_label.text() == "Keep the chamber closed: its temperature is not known"
     assert "look at its display before you open it" in thermal.notice.text_label.text()
+    assert shown_buttons(thermal.operator) == ["Understood", "I looked at the chamber"]
+    thermal.app.set_language("zh_CN")
+    assert shown_buttons(thermal.operator) == ["知道了", "已查看温箱"]
     thermal.operator.press("acknowledge_button")
     assert thermal.notice.isVisible(), "it is not part of the fault"
     page, start = thermal.operator.window.operator_page, thermal.operator.widget("start_button", QPushButton)
     for language, why in (
-        ("en", "Look at the chamber, then press Understood."),
-        ("zh_CN", "请先查看温箱，再按“知道了”。"),
+        ("en", "Look at the chamber, then press “I looked at the chamber”."),
+        ("zh_CN", "请先查看温箱，再按“已查看温箱”。"),
     ):
         thermal.app.set_language(language)
         assert page._views.currentWidget() is page._unconfirmed, "no unit is loaded yet"
@@ -237,7 +251,14 @@ def test_engine_that_dies_leaves_the_chamber_unknown(thermal: ThermalRun) -> Non
         assert start.toolTip() == why
         assert not thermal.operator.widget("engineer_start_button", QPushButton).isEnabled()
         assert thermal.operator.widget("engineer_start_button", QPushButton).toolTip() == why
+        assert thermal.operator.widget("write_registers_button", QPushButton).toolTip() == why
     thermal.app.set_language("en")
+    registers = thermal.operator.window.findChild(EngineerPage).registers
+    monkeypatch.setattr(registers, "_run", SimpleNamespace())
+    for at_rest in (False, True):  # a write would turn the table, and remove the notice about the chamber
+        registers._write(SimpleNamespace(), at_rest=at_rest)  # type: ignore[arg-type]
+        assert "I looked at the chamber" in registers._about.text()
+        assert not thermal.app.engine_link.running
     page._starting.start()
     assert not thermal.app.engine_link.running
     thermal.operator.press("operator_page_chamber_notice_close")

@@ -348,11 +348,9 @@ class EngineerPage(Page):
         options, role = self._options, ""
         if not self.app.role.engineer:
             role = say("engineer.new_pin_needed" if self.app.role.new else "engineer.pin_needed")
-        busy = ""
-        if self.app.engine_link.running:
-            busy = say(self.app.run.why_busy)
-        elif self.app.run.elsewhere is not None:
-            busy = say("question.other_window")
+        run = self.app.run
+        waits = say(run.why_not_start)
+        busy = waits if self.app.engine_link.running or run.elsewhere is not None else ""
         badges = self.app.badge is not None or self.app.badge_required
         self._header.show_person(self.app.person, signed_in=badges)
         name = "" if self.app.person else say("engineer.no_name")
@@ -368,15 +366,14 @@ class EngineerPage(Page):
         for edit in (self._header.serial_edit, self._header.engineer_edit):
             enable(edit, busy)
         badge = say("operator.sign_in") if self.app.badge_required else ""
-        chamber = say("operator.chamber_unconfirmed") if self.app.run.chamber.must_stay_closed else ""
-        why_not = problem or busy or chamber or device or choice or badge or self._why_no_unit()
+        why_not = problem or waits or device or choice or badge or self._why_no_unit()
         enable(self._header.start_button, why_not)
         self.choice.lock(busy, role, name or self._why_not_save(), new_pin=self.app.role.new)
         enable(self.preview.button, problem or choice)
         self.design.lock(problem, role or name)
         self.registers.table = "" if options is None or options.by_hand else options.station
-        read = problem or busy or device
-        self.registers.set_why_not(read, role or read or name or self.registers.why_not_write())
+        write = role or problem or waits or device or name or self.registers.why_not_write()
+        self.registers.set_why_not(problem or busy or device, write)
 
     def _why_no_options(self) -> str:
         if self._problem is not None:
@@ -415,8 +412,7 @@ class EngineerPage(Page):
         slots, serial = self.app.slots, self._header.serial
         if not (slots.units if slots else serial):
             return say("operator.no_unit" if slots else "engineer.no_serial")
-        refusal = None if slots else self._why_no_serial()
-        return say(refusal or ("engineer.fault_unread" if self.app.run.fault is not None else ""))
+        return say((None if slots else self._why_no_serial()) or "")
 
     def _why_no_serial(self) -> Text | None:
         """Return why the entered serial number is not valid for the product, or None."""

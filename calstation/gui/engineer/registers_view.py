@@ -192,8 +192,8 @@ class RegistersView(QWidget):
     def _write(self, target: TargetRegisters, people: Confirmation | None = None, *, at_rest: bool) -> None:
         if self._run is None:
             return
-        if self._app.job_queue.uses_device:
-            self._show_error("engineer.device_busy")
+        if why_not := "engineer.device_busy" if self._app.job_queue.uses_device else self._app.run.why_not_start:
+            self._show_error(why_not)
             return
         result = self._run.result
         request = replace(self._request(), serial=result.serial)

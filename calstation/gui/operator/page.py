@@ -405,8 +405,7 @@ class OperatorPage(Page):
             slots = self._starting.slots
             missing = say("operator.no_unit") if slots and not slots.units and not header.serial else ""
             missing = say("operator.sign_in") if header.badge_field.required else missing
-            missing = say("operator.chamber_unconfirmed") if run.chamber.must_stay_closed else missing
-            header.set_start(say("operator.fault_open") if run.fault is not None else why_busy or missing)
+            header.set_start(say(run.why_not_start) or missing)
         self._progress.setValue(round(STEPS * run.fraction) if run.state != "idle" else 0)
         if run.in_progress and self.notice.asking:
             self.notice.dismiss()

@@ -126,8 +126,8 @@ class StartDialog:
 
     def begin(self, request: RunRequest) -> None:
         """Ask the questions about a requested run, then start it or show why it cannot start."""
-        if self._app.run.chamber.must_stay_closed:
-            ask(self._notice, "caution", Text("operator.chamber_unconfirmed"), {})
+        if why_not := self._app.run.why_not_start:
+            ask(self._notice, "caution", Text(why_not), {})
             return
         role: Role = "engineer" if self._app.role.engineer else "operator"
         request = replace(request, operator=self._app.badge or self._app.person)

@@ -26,7 +26,8 @@ class ChamberNotice(NoticeBar):
         if not access:
             self.dismiss()
             return
-        close = Choice(f"{self.objectName()}_close", "operator.understood", self._run.acknowledge_chamber)
+        words = "operator.chamber_looked_at" if access == "unknown" else "operator.chamber_hide"
+        close = Choice(f"{self.objectName()}_close", words, self._run.acknowledge_chamber)
         title, choices = f"operator.chamber_{access}", () if access == "closed" else (close,)
         self.ask(_KINDS[access], title, lambda: chamber_reason(self._run), choices)
 

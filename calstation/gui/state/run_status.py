@@ -322,6 +322,17 @@ class RunStatus(QObject):
         return "window.busy_registers" if self.register_operation else "window.busy_run"
 
     @property
+    def why_not_start(self) -> str:
+        """Code of the reason why neither a run nor a write of registers may start, or ""."""
+        if self._link.running:
+            return self.why_busy
+        if self.elsewhere is not None:
+            return "question.other_window"
+        if self.fault is not None:
+            return "operator.fault_open"
+        return "operator.chamber_unconfirmed" if self.chamber.must_stay_closed else ""
+
+    @property
     def _verdict(self) -> Verdict:
         """Verdict of the run after all units have one; a unit with a fault has failed."""
         verdicts = {Verdict.FAILED if unit.verdict is Verdict.FAULT else unit.verdict for unit in self.units}
