@@ -153,6 +153,8 @@ def result_table(console: Console, result: Result) -> None:
         column.min_width = max((len(str(cell)) for cell in column.cells), default=0)
     if result.parameters:
         console.print(table)
+    if has_acceptance:
+        console.print(say("common.acceptance_limit_about"), soft_wrap=True)
     if result.temperature is not None:
         low, high = result.temperature.range_c
         console.print(say("cli.worst_over_range", low=low, high=high), soft_wrap=True)
@@ -218,13 +220,16 @@ def _check_line(check: Check) -> str:
     code = f"cli.check_{check.kind}"
     name = say(code) if known(code) else check.name
     bounds = [f"{bound / size:.4g}" for bound in _bounds(check)]
-    values = {"name": name, "value": f"{check.value / size:.4g}{unit}", "where": location, "verdict": say(verdict)}
+    what = say("cli.column_limit" if check.acceptance is None else "cli.column_accepted")
+    values = {"name": name, "value": f"{check.value / size:.4g}{unit}", "where": location}
+    values |= {"verdict": say(verdict, limit=what), "what": what}
     limit = interval(*bounds) if len(bounds) == 2 else bounds[0]
     return say("cli.checked", **values, limit=f"{limit}{unit}")
 
 
 def _bounds(check: Check) -> tuple[float, ...]:
-    return check.limit if isinstance(check.limit, tuple) else (check.limit,)
+    limit = check.compared_with
+    return limit if isinstance(limit, tuple) else (limit,)
 
 
 def _interval_text(name: str, limit: float | tuple[float, float]) -> str:

@@ -34,7 +34,8 @@ def test_guard_band_applies_to_a_run_and_its_re_solved_log(calstation, tmp_path:
     again = calstation("resolve", log, "--json", "-")
     assert (again.code, again.json["conformity"]) == (1, found)
     shown = calstation("resolve", log).out
-    assert "accepted" in shown
+    assert "acceptance limit" in shown
+    assert "Acceptance limit: the limit of the product less a guard band of 2 σ." in shown
     assert "Decision rule guard_band." in shown
 
 

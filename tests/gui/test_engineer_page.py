@@ -909,7 +909,7 @@ def test_guard_band_shows_acceptance_limits_and_risk_of_wrong_decisions(engineer
         table = engineer.widget("result_table", QTableView)
         assert table.isColumnHidden(8) == (name == "plain")
     cells = engineer.cells("result_table")["gyro_scale_x"]
-    assert (cells["Value limit"], cells["Accepted"]) == ("±1000", "±900")
+    assert (cells["Value limit"], cells["Acceptance limit"]) == ("±1000", "±900")
     assert "decision rule: guard band of 2 σ" in engineer.says()
     index = table.model().index(0, table.model().columnCount() - 1)
     hint = table.model().data(index, Qt.ItemDataRole.ToolTipRole)

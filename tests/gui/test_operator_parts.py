@@ -6,17 +6,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QLabel
 from pytestqt.qtbot import QtBot
 
-from calstation.gui.operator import advice
+from calstation.gui.operator import FiguresTable, advice
 from calstation.gui.operator.live.convergence import Convergence
 from calstation.gui.operator.live.table_panel import TablePanel
 from calstation.gui.operator.live.traces import Traces
 from calstation.gui.operator.starting import suggested_serial
 from calstation.gui.state import UnitStatus
-from calstation.gui.text import language
+from calstation.gui.text import check_text, language
 from calstation.gui.widgets import NumberAxis, spread, theme
+from calstation.judgement import Check
+from calstation.messages import Language
 from calstation.runs import RunSummary
 from calstation.sequencer import Message, TableMoved, Trace
 from tests.check_rows import check_row
@@ -38,13 +40,45 @@ def test_advice_states_the_worst_failure_and_counts_the_others() -> None:
     assert advice.next_action("failed", result_with(advice="set_aside")).startswith("Set the unit aside")
 
 
-def test_value_in_the_guard_band_is_compared_with_acceptance_limits() -> None:
+@pytest.mark.parametrize(
+    ("code", "reason", "headings", "sentence"),
+    [
+        (
+            "en",
+            "Gyro scale factor x is 950 ppm, outside the acceptance limit ±900 ppm. "
+            "The acceptance limit is the limit ±1000 ppm less a guard band of 2 σ = 100 ppm.",
+            ("outside its acceptance limit", "acceptance limit", "limit of the product less a guard band of 2 σ"),
+            "Gyro scale factor x within its acceptance limit",
+        ),
+        (
+            "zh_CN",
+            "陀螺刻度系数 x 为 950 ppm，超出接受限 ±900 ppm。接受限为限差 ±1000 ppm 扣除保护带 2 σ = 100 ppm。",
+            ("超出接受限", "接受限", "接受限：产品限差扣除 2 σ 的保护带。"),
+            "陀螺刻度系数 x在接受限内",
+        ),
+    ],
+)
+def test_value_in_the_guard_band_is_compared_with_acceptance_limits(
+    qtbot: QtBot, code: Language, reason: str, headings: tuple[str, ...], sentence: str
+) -> None:
+    language.use(code)
     row = {"unit": "1", "stage": "rate", "sigma": 5e-5}
     refused = {**check_row("within", "gyro_scale_x", 9.5e-4, [-1e-3, 1e-3], passed=False), "acceptance": [-9e-4, 9e-4]}
     result = result_with(parameters={"gyro_scale_x": {"value": 9.5e-4, **row}}, checks=[refused])
-    assert advice.reason("failed", result) == "Gyro scale factor x is 950 ppm; allowed: ±900 ppm."
+    assert advice.reason("failed", result) == reason
     (figure,) = advice.figures(result)
     assert (figure.passed, figure.limit) == (False, "±900")
+    table = FiguresTable()
+    qtbot.addWidget(table)
+    table.show_result(result)
+    shown = [each.text() for each in table.findChildren(QLabel)]
+    assert all(any(heading in text for text in shown) for heading in headings)
+    text = check_text(result.checks[0])
+    assert (text.sentence, text.limit) == (sentence, "±900")
+    near = Check.compare("within", 8.5e-4, (-1e-3, 1e-3), "1", subject="gyro_scale_x", acceptance=(-9e-4, 9e-4))
+    near_text = advice.reason("passed", result_with(checks=[near.to_json()]))
+    assert ("acceptance limit" if code == "en" else "已达接受限的 94 %") in near_text
+    language.use("en")
 
 
 def test_value_nearest_to_its_limit_is_shown_per_group() -> None:

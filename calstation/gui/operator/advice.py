@@ -11,6 +11,7 @@ from calstation.gui.text import (
     is_parameter_check,
     is_product_check,
     language,
+    limit_text,
     parameter_text,
     rendered,
     say,
@@ -40,6 +41,7 @@ class Figure:
     passed: bool
     near: bool = False
     by_sigma: bool = False  #: Whether the sigma is decisive and `limit` is its limit.
+    guarded: bool = False  #: Whether the decision rule narrowed the limit of the value.
     about: str = ""  #: What is compared, for a tooltip.
 
 
@@ -191,6 +193,8 @@ def failed_check_text(check: Check, result: Result) -> str:
     value, limit = (f"{number} {row.unit}".rstrip() for number in (row.value, row.limit))
     if not is_parameter_check(check) or check.subject not in INDEX:
         return say("advice.violated", name=row.sentence, value=value, limit=limit)
+    if row.guard:
+        return say("advice.outside_guarded", parameter=name, value=value, acceptance=limit, why=row.guard)
     code = "advice.outside" if check.kind == "within" else "advice.uncertain"
     return say(code, parameter=name, value=value, limit=limit)
 
@@ -202,11 +206,11 @@ def _near(checks: Sequence[Check], *, brief: bool = False) -> str:
         return ""
     nearest = max(near, key=_ratio)
     name = parameter_text(nearest.subject) if is_parameter_check(nearest) else check_name(nearest)
-    more, percent = len(near) - 1, int(100.0 * _ratio(nearest))
+    more, values = len(near) - 1, {"percent": int(100.0 * _ratio(nearest)), "limit": limit_text(nearest)}
     if brief:
         names = say("advice.and_more", names=name, more=more) if more else name
-        return say("advice.near_brief", names=names, percent=percent)
-    return say("advice.near_more" if more else "advice.near", name=name, percent=percent, more=more)
+        return say("advice.near_brief", names=names, **values)
+    return say("advice.near_more" if more else "advice.near", name=name, more=more, **values)
 
 
 def _ratio(check: Check | None) -> float:
@@ -237,5 +241,6 @@ def _figure(name: str, row: Parameter, within: Check | None, below: Check | None
         passed=all(check.passed for check in both),
         near=any(check.near_miss for check in both),
         by_sigma=by_sigma,
-        about=about("check", "sigma_below" if by_sigma else "within"),
+        guarded=within is not None and within.acceptance is not None,
+        about=about("check", "sigma_below") if by_sigma or within is None else check_text(within).about,
     )

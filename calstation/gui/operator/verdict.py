@@ -7,7 +7,7 @@ from pathlib import Path
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QFrame, QWidget
+from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.config import load_station
 from calstation.connection import LinkTestRequest
@@ -60,21 +60,20 @@ class FiguresTable(QWidget):
         figures = [] if result is None else advice.figures(result)
         if not figures:
             return
-        columns = say("operator.value"), say("operator.sigma"), say("common.limit_column"), say("common.unit_column")
+        guarded = any(figure.guarded for figure in figures)
+        limit = say("common.acceptance_limit_column" if guarded else "common.limit_column")
+        columns = say("operator.value"), say("operator.sigma"), limit, say("common.unit_column")
         values, sigmas = aligned([figure.value for figure in figures]), aligned([figure.sigma for figure in figures])
         number, passing = 0, None
         for figure, value, sigma in zip(figures, values, sigmas, strict=True):
             if figure.passed is not passing:
-                title = say("operator.nearest_to_limit" if figure.passed else "operator.outside_limit")
+                title = say(f"operator.{'nearest_to' if figure.passed else 'outside'}_limit", limit=limit)
                 for at, text in enumerate((title, *(columns if passing is None else ())), start=1):
-                    heading = label(kind="muted")
-                    heading.setText(text)
-                    heading.setFont(theme.font(max(theme.BODY, self._size * theme.BODY // theme.SECTION)))
-                    self._add_cell(heading, number, at)
+                    self._add_cell(self._muted(text), number, at)
                 number, passing = number + 1, figure.passed
             icon = StateIcon(self._size)
             icon.set_kind("bad" if not figure.passed else "caution" if figure.near else "good")
-            hints = (figure.about, say("operator.near_tip") if figure.near else "")
+            hints = (figure.about, say("operator.near_tip", limit=limit) if figure.near else "")
             icon.setToolTip(plain_tip(tip := "\n".join(filter(None, hints))))
             self._grid.addWidget(icon, number, 0)
             decisive = 3 if figure.by_sigma else 2
@@ -85,6 +84,15 @@ class FiguresTable(QWidget):
                 cell.setWordWrap(self._wrap and at == 1)
                 self._add_cell(cell, number, at)
             number += 1
+        if guarded:
+            self._grid.addWidget(self._muted(say("common.acceptance_limit_about")), number, 1, 1, 5)
+
+    def _muted(self, text: str) -> QLabel:
+        """Create a heading or note."""
+        heading = label(kind="muted")
+        heading.setText(text)
+        heading.setFont(theme.font(max(theme.BODY, self._size * theme.BODY // theme.SECTION)))
+        return heading
 
     def set_size(self, size: int) -> None:
         """Set the font size of the next result, px."""
@@ -252,7 +260,8 @@ class VerdictPanel(QFrame):
         ):
             show_text(widget, content)
         shown = result if text is None else None
-        self._figure_count = 0 if shown is None else len(advice.figures(shown))
+        figures = [] if shown is None else advice.figures(shown)
+        self._figure_count = len(figures) + any(figure.guarded for figure in figures)  # with the note on the guard band
         self._fit_texts()
         self._figures.show_result(shown)
 

@@ -1,7 +1,14 @@
 """Texts of the window in the current language, and their binding to widgets."""
 
 from calstation.gui.text import language
-from calstation.gui.text.checks import check_name, check_text, is_parameter_check, is_product_check, parameter_text
+from calstation.gui.text.checks import (
+    check_name,
+    check_text,
+    is_parameter_check,
+    is_product_check,
+    limit_text,
+    parameter_text,
+)
 from calstation.gui.text.events import event_line
 from calstation.gui.text.messages import (
     KINDS,

@@ -7,7 +7,7 @@ from decimal import Decimal
 from calstation.gui.text import language
 from calstation.gui.text.messages import about, say, term, with_minus
 from calstation.judgement import Check, Where
-from calstation.messages import parameter_name
+from calstation.messages import Text, parameter_name
 from calstation.physics import ARCSECOND, DEGREE, INDEX, MICRO_G, PARAMETERS, display, further_parameter, limit_number
 from calstation.records import CheckId
 
@@ -49,6 +49,7 @@ class CheckText:
     state: str
     where: str
     about: str
+    guard: str = ""  #: How the decision rule narrowed the limit; "" if it did not.
 
 
 def check_text(check: Check) -> CheckText:
@@ -64,7 +65,8 @@ def check_text(check: Check) -> CheckText:
         verdict=term("check_verdict", verdict),
         state={"failed": "bad", "near_miss": "caution", "passed": "good"}[verdict],
         where=_location_text(check.where),
-        about=about("check", check.kind),
+        about="\n".join(filter(None, (about("check", check.kind), guard := _guard(check, unit, size)))),
+        guard=guard,
     )
 
 
@@ -88,10 +90,25 @@ def parameter_text(name: str) -> str:
     return parameter_name(name, language.current())
 
 
+def limit_text(*checks: Check) -> Text:
+    """Return the name of the limit of checks: the acceptance limit if the decision rule narrowed that of any."""
+    guarded = any(check.acceptance is not None for check in checks)
+    return Text("common.acceptance_limit_column" if guarded else "common.limit_column")
+
+
+def _guard(check: Check, unit: str, size: float) -> str:
+    """Return how the decision rule narrowed the limit of a check, or ""."""
+    if check.acceptance is None or not isinstance(check.limit, tuple):
+        return ""
+    guard = _number(check.acceptance[0] - check.limit[0], size)
+    texts = (f"{text} {unit}".rstrip() for text in (_limit(check.limit, size, check.value), guard))
+    return say("check.guard_band", **dict(zip(("limit", "guard"), texts, strict=True)))
+
+
 def _sentence(check: Check) -> str:
     """Return a sentence that states the quantity compared by a check."""
     sentence = say(
-        f"check.{check.kind}",
+        f"check.{check.kind}{'_guarded' if check.acceptance is not None else ''}",
         parameter=parameter_text(check.subject),
         stage=check.subject,
         words=check.subject.replace("_", " "),
@@ -136,6 +153,8 @@ def _limit(limit: float | tuple[float, float], size: float, value: float) -> str
     if not isinstance(limit, tuple):
         return f"≤ {_limit_number(limit, size, value)}"
     low, high = limit
+    if low > high:  # the guard band leaves nothing
+        return "–"
     if low == -high:
         return f"±{_limit_number(high, size, abs(value))}"
     if high == 1.0 and 0.0 < low < 1.0 and size == 1.0:  # a probability
