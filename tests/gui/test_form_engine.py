@@ -1,12 +1,22 @@
 """Fields that edit the values of a form: typed numbers, units, problems beside the entry, and changed values."""
 
+import re
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
-from calstation.gui.widgets import FlagBox, FormField, FormValues, NumberEdit, SpinEdit
-from calstation.messages import Text
+import calstation.gui
+from calstation.config import library
+from calstation.gui.logs.methods.panel import BenchBox
+from calstation.gui.quality.study_view import PlanForm
+from calstation.gui.text import language
+from calstation.gui.widgets import CountEdit, FlagBox, FormField, FormValues, NumberEdit, SpinEdit
+from calstation.messages import Language, Text
 from calstation.physics import DISPLAY
 from calstation.schema import Problem
 
@@ -79,3 +89,54 @@ def test_flags_and_limited_numbers_edit_their_values(qtbot: QtBot) -> None:
     assert values.values == {"flag": True, "number": 5.0}
     field.lock("No.")
     assert (spin.isEnabled(), spin.toolTip()) == (False, "No.")
+
+
+@pytest.mark.parametrize(
+    ("code", "seed", "trials"),
+    [
+        (
+            "en",
+            "Enter an integer from 1 to 9999 for “unit” instead of “90000”.",
+            "Enter an integer from 2 to 20 for “Trials” instead of “30”.",
+        ),
+        (
+            "zh_CN",
+            "“产品号”请输入 1 至 9999 的整数，而不是“90000”。",
+            "“次数”请输入 2 至 20 的整数，而不是“30”。",
+        ),
+    ],
+)
+def test_number_outside_its_limits_stays_and_starts_nothing(
+    qtbot: QtBot, code: Language, seed: str, trials: str
+) -> None:
+    language.use(code)
+    bench, plans = BenchBox("multi_position"), []
+    plan = PlanForm(lambda: library.find("products", "mems_c"), plans.append)
+    made: list[tuple[str, int]] = []
+    bench.requested.connect(lambda *values: made.append(values))
+    for form, name, typed, press, sentence in (
+        (bench, "bench_seed_multi_position", "90000", "bench_make_multi_position", seed),
+        (plan, "study_trials_edit", "30", "study_save_button", trials),
+    ):
+        qtbot.addWidget(form)
+        form.show()
+        edit = form.findChild(CountEdit, name)
+        edit.selectAll()
+        qtbot.keyClicks(edit, typed)
+        qtbot.mouseClick(form.findChild(QPushButton, press), Qt.MouseButton.LeftButton)
+        assert edit.text() == typed
+        assert sentence in [each.text() for each in form.findChildren(QLabel) if each.isVisible()]
+    assert (made, plans) == ([], [])
+    bench.seed_edit.selectAll()
+    qtbot.keyClicks(bench.seed_edit, "42")
+    assert seed not in [each.text() for each in bench.findChildren(QLabel) if each.isVisible()]
+    qtbot.mouseClick(bench.make_button, Qt.MouseButton.LeftButton)
+    assert made == [("mems", 42)]
+    language.use("en")
+
+
+def test_window_has_no_spin_box_that_swallows_digits() -> None:
+    """A spin box of Qt ignores a digit beyond its limit, which makes another number; `LimitedSpin` reports it."""
+    pattern = re.compile(r"\bQ(?:Double)?SpinBox\(")
+    folder = Path(calstation.gui.__file__).parent
+    assert [path.name for path in folder.rglob("*.py") if pattern.search(path.read_text("utf-8"))] == []

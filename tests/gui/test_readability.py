@@ -198,10 +198,9 @@ def test_no_fault_is_shown_after_a_silent_engine_responds_again(simulated_run: O
     emit = window.app.engine_link.event.emit
     emit(StateChanged("running", "preparing"))
     emit(StageStarted("rate", 0, 1, 60.0))
-    emit(Fault("DeviceFaultError", "", 3, "run.engine_silent", {"then": Text("run.then_again")}))
-    emit(
-        Fault("DeviceFaultError", "", 3, "run.engine_silent", {"then": Text("run.then_again")})
-    )  # silent again after heartbeats without an event
+    silent = Fault("DeviceFaultError", "", 3, "run.engine_silent", {"then": Text("run.then_again")})
+    emit(silent)
+    emit(silent)  # silent again after heartbeats without an event
     assert (run.state, run.stages[0].state) == ("fault", "fault")
     emit(StageProgress("rate", 0.5, 30.0, {}))
     assert (run.state, run.fault, run.stages[0].state) == ("running", None, "active")

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtWidgets import QSpinBox, QWidget
+from PySide6.QtWidgets import QWidget
 
 from calstation.config import load_product
 from calstation.errors import CalstationError
@@ -18,6 +18,7 @@ from calstation.gui.text import on_language_change, parameter_text, say
 from calstation.gui.widgets import (
     Cell,
     CellTable,
+    CountEdit,
     EmptyState,
     StateBadge,
     ViewTabs,
@@ -247,9 +248,7 @@ class PlanForm(QWidget):
         self.units_edit = line_edit("study_units_edit", hint="quality.serials_placeholder")
         self.operators_edit = line_edit("study_operators_edit", hint=names)
         self.stations_edit = line_edit("study_stations_edit", hint=names)
-        self._trials = QSpinBox()
-        self._trials.setRange(2, 20)
-        self._trials.setValue(3)
+        self._trials = CountEdit("study_trials_edit", "quality.trials", 2, 20, 3)
         self._problem = label(kind="error", wrap=True)
         fields = (
             ("quality.study_units", self.units_edit, 3),
@@ -271,6 +270,9 @@ class PlanForm(QWidget):
             [part.strip() for part in edit.text().replace("，", ",").split(",") if part.strip()] for edit in edits
         )
         now = datetime.now(UTC).replace(microsecond=0)
+        if self._trials.problem is not None:
+            show_text(self._problem, say(self._trials.problem))
+            return
         try:
             product = load_product(self._product())[1].name
             plan = GaugePlan.random(

@@ -16,6 +16,7 @@ from calstation.gui.widgets.file_dialog import ask_file, ask_folder, ask_open, p
 from calstation.gui.widgets.form import FormField, FormValues, NameBar, choices_of, make_input, problem_text
 from calstation.gui.widgets.inputs import (
     ChoiceBox,
+    CountEdit,
     EditableBox,
     Editor,
     FlagBox,

@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QComboBox, QDoubleSpi
 from calstation.gui.text import on_language_change, with_minus, without_minus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.layout import row
+from calstation.messages import Text
 from calstation.physics import from_unit, in_unit
 
 
@@ -120,6 +121,29 @@ class NumberEdit(TextEdit):
         elif value != self.value():
             self._exact = with_minus(in_unit(value, self._size)), value
             self.setText(self._exact[0])
+
+
+class CountEdit(NumberEdit):
+    """An input for an integer between two limits, which keeps every typed text; `problem` explains a wrong one.
+
+    `words` is the code of its caption.
+    """
+
+    def __init__(self, name: str, words: str, low: int, high: int, value: int) -> None:
+        super().__init__()
+        self.setObjectName(name)
+        self._words, self._limits = words, (low, high)
+        self.setText(str(value))
+        self.setFixedWidth(10 * theme.GRID)
+
+    @property
+    def problem(self) -> Text | None:
+        """Why the text is not an integer between the limits, or None."""
+        number, (low, high) = self.value(), self._limits
+        if isinstance(number, int) and low <= number <= high:
+            return None
+        what = Text(self._words)
+        return Text.of("form.wrong_count", what=what, typed=self.text().strip(), low=low, high=high)
 
 
 class VectorEdit(QWidget):

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QSpinBox, QWidget
+from PySide6.QtWidgets import QWidget
 
 from calstation.config import MANUAL_STATION, manual_product, uses_manual_rig
 from calstation.gui.logs.methods.guidance import CROSS_CALIBRATION, GIMBAL, MULTI_POSITION
@@ -11,7 +11,20 @@ from calstation.gui.logs.methods.solution_views import SolutionViews
 from calstation.gui.logs.source_bar import Exports, SourceBar
 from calstation.gui.state import AppContext, JobView
 from calstation.gui.text import bind, on_language_change, say
-from calstation.gui.widgets import JobRow, JobStack, box, button, column, combo_box, enable, label, row
+from calstation.gui.widgets import (
+    CountEdit,
+    JobRow,
+    JobStack,
+    box,
+    button,
+    column,
+    combo_box,
+    enable,
+    label,
+    row,
+    show_text,
+    theme,
+)
 from calstation.results import check_pair, progress_from_note
 from calstation.results.plots import MethodAnswer, solve_method
 from calstation.simulation import record_on_bench, recordings_folder
@@ -158,16 +171,25 @@ class BenchBox(QWidget):
     def __init__(self, stage: str) -> None:
         super().__init__()
         grades = {grade: f"logs.grade_{grade}" for grade in ("mems", "tactical", "nav")}
-        self.grade_combo, self.seed_spin = combo_box(f"bench_grade_{stage}", grades, fit=True), QSpinBox()
-        self.seed_spin.setObjectName(f"bench_seed_{stage}")
-        self.seed_spin.setRange(1, 9999)
-        bind(self.seed_spin.setToolTip, "logs.seed_tip")
+        self.grade_combo = combo_box(f"bench_grade_{stage}", grades, fit=True)
+        self.seed_edit = CountEdit(f"bench_seed_{stage}", "logs.bench_unit", 1, 9999, 1)
+        bind(self.seed_edit.setToolTip, "logs.seed_tip")
+        self._problem = label(kind="error", wrap=True)
+        self.seed_edit.typed.connect(lambda: show_text(self._problem, ""))
         self.make_button = button(
             f"bench_make_{stage}",
             "logs.make_one",
-            lambda: self.requested.emit(self.grade_combo.currentData(), self.seed_spin.value()),
+            self._make,
             tip="logs.make_tip",
         )
         caption = label("common.virtual_bench", buddy=self.grade_combo)
-        seed_caption = label("logs.bench_unit", buddy=self.seed_spin)
-        row(caption, self.grade_combo, seed_caption, self.seed_spin, self.make_button, on=self)
+        seed_caption = label("logs.bench_unit", buddy=self.seed_edit)
+        boxes = row(caption, self.grade_combo, seed_caption, self.seed_edit, self.make_button)
+        column(boxes, self._problem, on=self, spacing=theme.GRID // 2)
+        on_language_change(self, lambda: show_text(self._problem, ""))
+
+    def _make(self) -> None:
+        problem = self.seed_edit.problem
+        show_text(self._problem, "" if problem is None else say(problem))
+        if problem is None:
+            self.requested.emit(self.grade_combo.currentData(), self.seed_edit.value())
