@@ -5,6 +5,7 @@ import tomllib
 from types import SimpleNamespace
 
 import pytest
+from PySide6.QtCore import QPoint
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QLabel, QListWidget, QPushButton, QWidget
 
@@ -18,9 +19,10 @@ from calstation.gui.text import language, product_text, station_text
 from calstation.gui.widgets import PageArea, theme
 from calstation.messages import Text
 from calstation.physics import DEGREE_PER_HOUR, INDEX, PARAMETERS
-from calstation.sequencer import Fault, StageProgress, StageStarted, StateChanged
+from calstation.records import Verdict
+from calstation.sequencer import Fault, Finalized, StageProgress, StageStarted, StateChanged
 from tests.check_rows import check_row
-from tests.gui.conftest import Operator
+from tests.gui.conftest import RESULT, Operator
 from tests.gui.test_operator_events import end_run, simulated_run
 
 __all__ = ["simulated_run"]  # fixture
@@ -128,6 +130,40 @@ def test_strip_shows_stage_and_time_left_in_a_small_window(
     assert "40 %" in strip._text.text()
     left = {"en": "left", "zh_CN": "剩余"}[code]
     assert left in strip._text.text()
+
+
+def fits(text: QLabel) -> bool:
+    """Return whether a label has the size of its text."""
+    height = text.heightForWidth(text.width()) if text.wordWrap() else text.sizeHint().height()
+    return text.height() >= height and (text.wordWrap() or text.width() >= text.sizeHint().width())
+
+
+@pytest.mark.parametrize("size", [(1366, 768), (1280, 720)])
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_texts_fit_in_the_first_frame_after_stop(simulated_run: Operator, code: str, size: tuple[int, int]) -> None:
+    """Qt lays out after the events that have arrived, and may paint before: no event is processed here."""
+    window, run = simulated_run.window, simulated_run.run
+    window.app.set_language(code)
+    window.resize(*size)
+    page = window.findChild(OperatorPage)
+    emit = window.app.engine_link.event.emit
+    emit(StateChanged("running", "preparing"))
+    emit(StageStarted("rate", 0, 1, 60.0))
+    simulated_run.until(lambda: page._badge.text() in ("RUNNING", "标定中"))
+    simulated_run.qtbot.wait(50)
+    rate = page._stages.list.itemWidget(page._stages.list.item(0))
+    for state in ("stopping", "stopped"):
+        emit(StateChanged(state, "running"))
+        run.changed.emit()
+        assert fits(page._badge._word), state
+        assert page._badge._word.width() < page._badge._word.sizeHint().width() + theme.GRID
+        assert all(map(fits, (rate._name, rate._state)))
+    emit(Finalized(Verdict.STOPPED, "log.h5", "result.json", {**RESULT, "outcome": "stopped", "duration_s": 60.0}))
+    window.app.engine_link.running_changed.emit(False)
+    run.changed.emit()
+    panel = page._verdict
+    assert all(map(fits, (page._badge._word, panel.reason_label, panel.action_label, panel._facts)))
+    assert panel._facts.mapTo(panel, QPoint(0, 0)).x() == panel.reason_label.mapTo(panel, QPoint(0, 0)).x()
 
 
 def test_shipped_names_of_products_and_stations_are_translated(operator: Operator) -> None:

@@ -245,7 +245,7 @@ class RunDetails(QFrame):
         content = QWidget()
         items = (self.reason_label, self.failed_label, self._figures, self._facts, self.resolves, None)
         column(*items, on=content, spacing=theme.GRID, margins=(0, 0, theme.GRID, 0))
-        self.content_area = scroll_area(content)
+        self.content_area = scroll_area(content, texts=True)
         runs = (self.result_button, self.log_button, self.record_button, self.folder_button, self.batch_button)
         column(
             row((self._serial, 1), self.badge),

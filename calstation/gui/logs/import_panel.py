@@ -61,7 +61,7 @@ class ImportPanel(JobView):
             JobRow(self.exports.watch, "import_cancel_button", "logs.importing"),
         )
         form = row(meta, (self.meta_edit, 1), self._topic, self.topic_combo, self.look_button)
-        column(self._title, form, self.notice, (scroll_area(content), 1), jobs, on=self)
+        column(self._title, form, self.notice, (scroll_area(content, texts=True), 1), jobs, on=self)
         self.meta_edit.returnPressed.connect(self.look)
         self.meta_edit.textChanged.connect(self._update)
         self.topic_combo.currentIndexChanged.connect(self._update)

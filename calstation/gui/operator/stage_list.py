@@ -14,6 +14,7 @@ from calstation.gui.widgets import (
     StateIcon,
     column,
     label,
+    lay_out,
     plain_tip,
     progress_bar,
     row,
@@ -61,6 +62,7 @@ class _Row(QFrame):
         self._state.setFont(theme.font(bold=active))
         self._bar.setVisible(active)
         self._bar.setValue(round(STEPS * fraction))
+        lay_out(self)
 
 
 class StageList(QFrame):

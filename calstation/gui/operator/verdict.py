@@ -26,6 +26,7 @@ from calstation.gui.widgets import (
     column,
     grid,
     label,
+    lay_out,
     plain_tip,
     row,
     show_text,
@@ -58,6 +59,7 @@ class FiguresTable(QWidget):
         """Show the values of a result; None clears the table."""
         clear(self._grid)
         figures = [] if result is None else advice.figures(result)
+        self.setVisible(bool(figures))  # so that an empty table takes no space
         if not figures:
             return
         guarded = any(figure.guarded for figure in figures)
@@ -141,14 +143,14 @@ class VerdictPanel(QFrame):
         )
         self._beside = column(self._facts, self._notes, buttons, None)
         self.reset.changed.connect(self._reset_changed)
-        people, values = self.certificate_button.panel, QWidget()
-        row(column(self._figures, None), (self._beside, 1), on=values, spacing=3 * theme.GRID)
+        people, self._values = self.certificate_button.panel, QWidget()
+        row(column(self._figures, None), (self._beside, 1), on=self._values, spacing=3 * theme.GRID)
         # a small screen does not have space for both
-        people.open_changed.connect(lambda asking: values.setVisible(not asking))
+        people.open_changed.connect(lambda asking: self._values.setVisible(not asking))
         column(
             (self._banner, 1),
             *(self._source, self.reason_label, self.action_label, self.reset),
-            values,
+            self._values,
             people,
             on=self,
             spacing=theme.GRID,
@@ -264,6 +266,7 @@ class VerdictPanel(QFrame):
         self._figure_count = len(figures) + any(figure.guarded for figure in figures)  # with the note on the guard band
         self._fit_texts()
         self._figures.show_result(shown)
+        lay_out(self._figures, self._values, self)
 
     def _fault_text(self, fault: Fault) -> Rendered:
         return fault_text(fault, engineer=self._app.role.engineer)

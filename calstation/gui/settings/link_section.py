@@ -304,7 +304,7 @@ class TestPanel(QFrame):
             self._why,
             self.reset,
             self._nothing,
-            (scroll_area(self._lines, wide=False), 1),
+            (scroll_area(self._lines, wide=False, texts=True), 1),
             on=self,
             margins=(2 * theme.GRID, 2 * theme.GRID, theme.GRID, theme.GRID),
         )

@@ -48,6 +48,7 @@ from calstation.gui.widgets.layout import (
     fill_combo,
     grid,
     label,
+    lay_out,
     line_edit,
     panel,
     plain_tip,

@@ -8,7 +8,7 @@ from PySide6.QtGui import QColor, QIcon, QPainter, QPaintEvent, QPen, QPixmap, Q
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import PlainLabel, row
+from calstation.gui.widgets.layout import PlainLabel, lay_out, row
 
 #: Kinds of states, with the symbols ring, ring with a dot, filled triangle, tick, half-filled ring, cross, triangle
 #: with an exclamation mark, two bars, square, and a tick that makes no statement about quality.
@@ -168,7 +168,9 @@ class StateBadge(QWidget):
     def show_state(self, kind: str, word: str) -> None:
         """Show a state by its kind and word."""
         self._icon.set_kind(kind)
-        self._word.setText(word)
+        if word != self._word.text():
+            self._word.setText(word)
+            lay_out(self)
         self.setAccessibleName(word)
 
     def set_size(self, size: int) -> None:

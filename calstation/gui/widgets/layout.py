@@ -29,6 +29,7 @@ from PySide6.QtWidgets import (
 
 from calstation.gui.text import Words, bind, on_language_change, say
 from calstation.gui.widgets import theme
+from calstation.gui.widgets.text_area import TextArea
 
 #: An item of a layout: a widget or layout, alone or in a tuple with its stretch and alignment, a distance in px, or
 #: None for a stretch.
@@ -105,9 +106,12 @@ def panel(*items: Item) -> QFrame:
     return frame
 
 
-def scroll_area(content: QWidget, *, wide: bool = True) -> QScrollArea:
-    """Create a frameless scroll area for contents that may be too high and, if `wide`, too wide."""
-    area = QScrollArea()
+def scroll_area(content: QWidget, *, wide: bool = True, texts: bool = False) -> QScrollArea:
+    """Create a frameless scroll area for contents that may be too high and, if `wide`, too wide.
+
+    With `texts`, no line of text is cut at its lower edge.
+    """
+    area = TextArea() if texts else QScrollArea()
     area.setWidgetResizable(True)
     area.setFrameShape(QFrame.Shape.NoFrame)
     area.setProperty("kind", "clear")
@@ -315,6 +319,19 @@ def show_text(target: QLabel, text: str) -> None:
     """Show a text on a label, which is hidden while the text is empty."""
     target.setText(text)
     target.setVisible(bool(text))
+
+
+def lay_out(*widgets: QWidget) -> None:
+    """Lay out widgets, inner ones first, then those around the last one.
+
+    Until the layout has followed a change of texts, frames would show them in the space of the previous ones.
+    """
+    for widget in widgets:
+        around: QWidget | None = widget
+        while around is not None:
+            if (layout := around.layout()) is not None:
+                layout.activate()
+            around = around.parentWidget() if widget is widgets[-1] and not around.isWindow() else None
 
 
 def clear(layout: QLayout) -> None:

@@ -68,7 +68,7 @@ def guidance(stage: str) -> QScrollArea:
     left = column(steps, foot, None, spacing=3 * theme.GRID)
     margins = (theme.GRID, wide, theme.GRID, theme.GRID)
     row((left, 11), (MethodPicture(stage), 9), on=body, spacing=4 * theme.GRID, margins=margins)
-    return scroll_area(body)
+    return scroll_area(body, texts=True)
 
 
 class MethodPicture(QWidget):

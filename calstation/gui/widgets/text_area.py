@@ -1,0 +1,52 @@
+"""A scroll area that cuts no line of text."""
+
+from collections.abc import Iterator
+
+from PySide6.QtCore import QEvent, QObject, QPoint, Qt
+from PySide6.QtGui import QResizeEvent
+from PySide6.QtWidgets import QLabel, QScrollArea
+
+
+class TextArea(QScrollArea):
+    """A scroll area whose lower edge is between two lines of text, because half a line cannot be read."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.verticalScrollBar().valueChanged.connect(lambda _: self._end_between_lines())
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Find the lower edge for the new size."""
+        super().resizeEvent(event)
+        self._end_between_lines()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Find the lower edge again after the contents have been laid out."""
+        ended = super().eventFilter(watched, event)
+        if watched is self.widget() and event.type() in (QEvent.Type.LayoutRequest, QEvent.Type.Resize):
+            self._end_between_lines()
+        return ended
+
+    def _end_between_lines(self) -> None:
+        bar = self.horizontalScrollBar()
+        space = self.height() - (bar.height() if bar.isVisible() else 0)
+        end = lowest = self.verticalScrollBar().value() + space
+        for top, bottom in sorted(self._lines(), reverse=True):
+            if top < end < bottom:
+                end = top
+        cut = lowest - end if lowest - end < space // 2 else 0
+        if cut != self.viewportMargins().bottom():
+            self.setViewportMargins(0, 0, 0, cut)
+
+    def _lines(self) -> Iterator[tuple[int, int]]:
+        """Yield the top and the bottom of each line of the labels."""
+        content = self.widget()
+        for each in [] if content is None else content.findChildren(QLabel):
+            if not (each.text() and each.isVisibleTo(content)):
+                continue
+            height = each.heightForWidth(each.width()) if each.wordWrap() else each.sizeHint().height()
+            count = max(1, round(height / each.fontMetrics().lineSpacing()))
+            top = each.mapTo(content, QPoint(0, 0)).y()
+            if not each.alignment() & Qt.AlignmentFlag.AlignTop:
+                top += max(0, each.height() - height) // 2
+            for number in range(count):
+                yield top + number * height // count, top + (number + 1) * height // count
