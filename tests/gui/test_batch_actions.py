@@ -139,10 +139,10 @@ def test_paused_batch_and_next_step_after_a_fault_of_the_table(operator: Operato
     operator.window.app.engine_link._end()
     operator.press("acknowledge_button")
     says = operator.widget("message_label", QLabel).text
-    operator.until(lambda: says().startswith("Scan the units to begin again"))  # one of them has no verdict
+    operator.until(lambda: says().startswith("Remove the units that passed"))  # the other has no verdict
     assert "1 passed, 1 fault" in operator.window.windowTitle()
     operator.window.app.set_language("zh_CN")
-    assert says().startswith("扫描这些产品，从头再来")
+    assert says().startswith("取下合格的产品")
 
 
 def test_unit_scanned_again_is_entered_in_its_last_slot_with_a_notice(operator: Operator) -> None:

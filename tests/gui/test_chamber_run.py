@@ -269,6 +269,29 @@ def test_engine_that_dies_leaves_the_chamber_unknown(thermal: ThermalRun, monkey
     assert run_badge(thermal.operator.run)[0] != "caution"
 
 
+@pytest.mark.parametrize(
+    ("code", "action", "after"),
+    [
+        ("en", "Look at the chamber, then press “I looked at the chamber”.", "Scan the unit to begin again."),
+        ("zh_CN", "请先查看温箱，再按“已查看温箱”。", "扫描这个产品，从头再来。"),
+    ],
+)
+def test_verdict_asks_for_nothing_else_before_the_chamber_was_looked_at(
+    thermal: ThermalRun, code: str, action: str, after: str
+) -> None:
+    thermal.app.set_language(code)
+    thermal.emit(SOAK)
+    thermal.operator.press("stop_button")
+    thermal.emit(StateChanged("stopping", "running"), Message("chamber_to_ambient", RETURNING))
+    thermal.emit(Message("chamber_unknown", RETURNING), StateChanged("stopped", "stopping"))
+    thermal.emit(Finalized(Verdict.STOPPED, "log.h5", "result.json", {**RESULT, "outcome": "stopped"}))
+    thermal.set_running(running=False)
+    label = thermal.operator.window.operator_page._verdict.action_label
+    thermal.operator.until(lambda: label.text() == action)
+    thermal.operator.press("operator_page_chamber_notice_close")
+    thermal.operator.until(lambda: label.text() == after)
+
+
 def test_loading_ends_with_the_closed_chamber(operator: Operator) -> None:
     loading, summary = (
         Loading(),

@@ -65,7 +65,7 @@ def test_value_in_the_guard_band_is_compared_with_acceptance_limits(
     row = {"unit": "1", "stage": "rate", "sigma": 5e-5}
     refused = {**check_row("within", "gyro_scale_x", 9.5e-4, [-1e-3, 1e-3], passed=False), "acceptance": [-9e-4, 9e-4]}
     result = result_with(parameters={"gyro_scale_x": {"value": 9.5e-4, **row}}, checks=[refused])
-    assert advice.reason("failed", result) == reason
+    assert advice.reason("failed", result).replace("\u00a0", " ") == reason
     (figure,) = advice.figures(result)
     assert (figure.passed, figure.limit) == (False, "±900")
     table = FiguresTable()

@@ -29,13 +29,37 @@ def test_refused_serial_number_is_not_ready_and_named_below(operator: Operator) 
     lines = operator.says().split("\n")
     assert "NOT READY" in lines
     assert "READY" not in lines
+    assert not start.isEnabled()
+    assert start.toolTip().startswith("The serial number 'TX-1'")
     operator.window.app.set_language("zh_CN")
     assert "TX-1" in operator.message
+    assert "TX-1" in start.toolTip()
     assert "未就绪" in operator.says()
     operator.window.app.set_language("en")
     operator.scan("SN-000042")
     assert operator.message == "Load a unit, scan its serial number, and press START."
     assert "READY" in operator.says().split("\n")
+    assert start.isEnabled()
+
+
+@pytest.mark.parametrize(
+    ("code", "note", "remedy"),
+    [
+        ("en", "Serial number: NOT READY", "Choose another product, or a station with a chamber."),
+        ("zh_CN", "序列号：未就绪", "请另选产品型号，或选有温箱的工位。"),
+    ],
+)
+def test_scan_for_an_unsuitable_product_is_refused(operator: Operator, code: str, note: str, remedy: str) -> None:
+    operator.window.app.set_language(code)
+    operator.window.app.set_product(library.find("products", "mems_c_thermal"))
+    assert remedy in operator.says()
+    assert "[chamber]" not in operator.says()
+    operator.scan("SN-000042")
+    assert note in operator.says()
+    assert not operator.widget("start_button", QPushButton).isEnabled()
+    operator.choose("short")
+    assert note not in operator.says()
+    assert operator.widget("start_button", QPushButton).isEnabled()
 
 
 def test_overdue_calibration_of_the_table_is_not_ready(operator: Operator) -> None:
@@ -84,7 +108,7 @@ def test_scan_before_the_fault_is_read_says_what_to_do(simulated_run: Operator) 
     operator.scan("SN-000043")
     notice = operator.widget("operator_notice")
     words = [text.text() for text in notice.findChildren(QLabel) if text.isVisible()]
-    assert "Read the fault and press Understood first." in words
+    assert "Read the fault on the Operator page and press Understood first." in words
     operator.press("acknowledge_button")
     assert "Read the fault" not in operator.says()
     assert operator.widget("serial_edit", QLineEdit).text() == "SN-000043"

@@ -1,5 +1,7 @@
 """Areas of texts that scroll end between two lines."""
 
+from itertools import pairwise
+
 import pytest
 from PySide6.QtWidgets import QLabel, QWidget
 from pytestqt.qtbot import QtBot
@@ -16,7 +18,7 @@ def half_lines(content: QWidget, end: int) -> list[str]:
         top, height = each.mapTo(content, each.rect().topLeft()).y(), each.height()
         lines = round(height / each.fontMetrics().lineSpacing())
         edges = [top + number * height / lines for number in range(lines + 1)]
-        if any(low + 1 < end < high - 1 for low, high in zip(edges, edges[1:], strict=False)):
+        if any(low + 1 < end < high - 1 for low, high in pairwise(edges)):
             texts.append(each.text())
     return texts
 

@@ -41,6 +41,7 @@ from calstation.gui.text import (
     term,
 )
 from calstation.gui.widgets import (
+    ROW,
     STEPS,
     Choice,
     EmptyState,
@@ -59,6 +60,9 @@ from calstation.gui.widgets import (
 from calstation.messages import Text
 from calstation.records import Verdict
 from calstation.runs import RunSummary, run_summary
+
+#: Number of visible rows of the event log.
+_EVENT_ROWS = 6
 
 
 class OperatorPage(Page):
@@ -103,7 +107,8 @@ class OperatorPage(Page):
         counts = row(self._shift, None, ExchangeLabel(app), spacing=3 * theme.GRID)
         self._events = EventLog("events_table")
         self._events.follow(app.engine_link)
-        self._events.setFixedHeight(24 * theme.GRID)
+        header = self._events.horizontalHeader().sizeHint().height()
+        self._events.setFixedHeight(header + _EVENT_ROWS * ROW + 2 * self._events.frameWidth())
         self._events.hide()
         show_events, events_tip = lambda: self._events.setVisible(self._events.isHidden()), "event_log.show_tip"
         events = button("events_button", "event_log.show", show_events, tip=events_tip)
@@ -399,13 +404,6 @@ class OperatorPage(Page):
         header.set_running("" if busy and self._next_awaited else why_busy)
         summary = self._starting.run_summary
         header.show_partial(partial=summary is not None and bool(summary.omitted))
-        if self._problem is not None:
-            header.set_start(rendered(self._problem, engineer=self.app.role.engineer).remedy)
-        else:
-            slots = self._starting.slots
-            missing = say("operator.no_unit") if slots and not slots.units and not header.serial else ""
-            missing = say("operator.sign_in") if header.badge_field.required else missing
-            header.set_start(say(run.why_not_start) or missing)
         self._progress.setValue(round(STEPS * run.fraction) if run.state != "idle" else 0)
         if run.in_progress and self.notice.asking:
             self.notice.dismiss()
@@ -413,15 +411,28 @@ class OperatorPage(Page):
         self._show_readiness()
 
     def _show_readiness(self) -> None:
-        """Show the message and the state of the run.
+        """Show the message and the state of the run, and why it cannot start.
 
         The page is not ready while a badge or a valid scan is missing, or a calibration is overdue.
         """
         run = self.app.run
+        self.header.set_start(self._why_not_start())
         missing = self.header.badge_field.required or self._starting.refused is not None or bool(self._overdue())
         waits = run.display_state == "idle" and run.elsewhere is None and missing
         self._badge.show_state(*(("none", term("badge", "not_ready")) if waits else run_badge(run)))
         self._message.setText(self._message_text())
+
+    def _why_not_start(self) -> str:
+        if self._problem is not None:
+            return rendered(self._problem, engineer=self.app.role.engineer).remedy
+        starting, header = self._starting, self.header
+        if why_not := say(self.app.run.why_not_start):
+            return why_not
+        if header.badge_field.required:
+            return say("operator.sign_in")
+        if starting.slots and not starting.slots.units and not header.serial:
+            return say("operator.no_unit")
+        return "" if starting.refused is None else say(starting.refused)
 
     def _overdue(self) -> tuple[Text, ...]:
         """Return the overdue calibrations for which START asks an engineer, none for a check standard."""

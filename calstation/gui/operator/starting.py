@@ -16,7 +16,7 @@ from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.interrupted import InterruptedRuns
 from calstation.gui.operator.questions import StartDialog, ask
 from calstation.gui.state import AppContext, Slot, UnitStatus, attempt_code
-from calstation.gui.text import on_language_change, say
+from calstation.gui.text import on_language_change, say, term
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
 from calstation.records import Verdict
@@ -213,6 +213,8 @@ class RunStarter(QObject):
         """
         header, slots = self._header, self.slots
         if self.run_summary is None:
+            if header.serial:
+                header.note_serial(term("badge", "not_ready"), accepted=False)
             return False
         if slots.units and not header.serial:
             self.refused = None

@@ -223,6 +223,8 @@ class VerdictPanel(QFrame):
             return say("advice.released")
         if self._run.stop_incomplete:
             return say("advice.stop_incomplete")
+        if fault is None and self._run.chamber.must_stay_closed:
+            return say("operator.chamber_unconfirmed")  # no unit is removed before
         if fault is None:
             return advice.next_action(self._display_state, result)
         reset = self.reset.result is not None and self.reset.result.clear

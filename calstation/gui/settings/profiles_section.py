@@ -32,6 +32,9 @@ from calstation.gui.widgets import (
 from calstation.messages import local_time
 from calstation.schema import Problem
 
+#: Maximum number of problems that are visible without scrolling.
+_MAX_PROBLEMS = 3
+
 
 class TextView(QPlainTextEdit):
     """A view or an editor of a text without line wrapping."""
@@ -234,7 +237,8 @@ class ProfilesSection(QWidget):
         self._listed = draft.problems or draft.warnings
         self._problems.addItems([self._problem_line(problem) for problem in self._listed])
         self._problems.setVisible(bool(self._listed))
-        self._problems.setFixedHeight((min(len(self._listed), 3) * 5 + 1) * theme.GRID)
+        heights = [self._problems.sizeHintForRow(row) for row in range(min(len(self._listed), _MAX_PROBLEMS))]
+        self._problems.setFixedHeight(sum(heights) + 2 * self._problems.frameWidth())
         shipped = any(entry.path == draft.path and entry.shipped for entry in editing.list_files(draft.kind))
         self._about.setText(say("setting.file_shipped" if shipped else "setting.file_own"))
         self._about.setToolTip(plain_tip(str(draft.path)))

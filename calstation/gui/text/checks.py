@@ -101,7 +101,7 @@ def _guard(check: Check, unit: str, size: float) -> str:
     if check.acceptance is None or not isinstance(check.limit, tuple):
         return ""
     guard = _number(check.acceptance[0] - check.limit[0], size)
-    texts = (f"{text} {unit}".rstrip() for text in (_limit(check.limit, size, check.value), guard))
+    texts = (f"{text}\u00a0{unit}".rstrip() for text in (_limit(check.limit, size, check.value), guard))
     return say("check.guard_band", **dict(zip(("limit", "guard"), texts, strict=True)))
 
 

@@ -151,9 +151,12 @@ class VerdictGrid(QFrame):
         """Return the operator's next action."""
         if self._run.stop_incomplete:
             return say("advice.stop_incomplete")
-        if any(unit.unfinished for unit in self._run.units):  # also after a fault of the table that was read
+        if self._run.chamber.must_stay_closed:
+            return say("operator.chamber_unconfirmed")
+        unfinished = [unit for unit in self._run.units if unit.unfinished]  # also after a fault of the table
+        if unfinished and len(unfinished) == len(self._run.units):
             return say("advice.same_units")
-        return say("advice.mixed_units" if self._failed else "advice.next_units")
+        return say("advice.mixed_units" if unfinished or self._failed else "advice.next_units")
 
     @property
     def _failed(self) -> list[UnitStatus]:
