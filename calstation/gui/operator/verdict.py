@@ -100,7 +100,7 @@ class FiguresTable(QWidget):
         """Set the font size of the next result, px."""
         self._size = size
 
-    def _add_cell(self, cell: PlainLabel, row: int, column: int) -> None:
+    def _add_cell(self, cell: QLabel, row: int, column: int) -> None:
         side = Qt.AlignmentFlag.AlignRight if column in (2, 3, 4) else Qt.AlignmentFlag.AlignLeft
         cell.setAlignment(side | Qt.AlignmentFlag.AlignVCenter)
         self._grid.addWidget(cell, row, column)

@@ -40,7 +40,9 @@ class TextArea(QScrollArea):
     def _lines(self) -> Iterator[tuple[int, int]]:
         """Yield the top and the bottom of each line of the labels."""
         content = self.widget()
-        for each in [] if content is None else content.findChildren(QLabel):
+        if content is None:
+            return
+        for each in content.findChildren(QLabel):
             if not (each.text() and each.isVisibleTo(content)):
                 continue
             height = each.heightForWidth(each.width()) if each.wordWrap() else each.sizeHint().height()
