@@ -110,11 +110,23 @@ class IndividualsChart:
     sigma: float  #: Short-term standard deviation of a value.
     low: float  #: Lower control limit.
     high: float  #: Upper control limit.
-    ranges: FloatArray  #: Moving ranges of two successive values, shape (n - 1,).
+    #: Moving ranges of two successive values, shape (n - 1,), or (n,) with the one of an earlier value and the first.
+    ranges: FloatArray
     range_center: float
     range_high: float  #: Upper control limit of the moving ranges; the lower is 0.
     signals: Signals  #: Signals of the individuals, by Nelson's rules.
     range_signals: IntArray  #: Indices of the values that end a moving range above its limit.
+
+    def after(self, count: int) -> "IndividualsChart":
+        """Return the chart without the first `count` values."""
+        index, rule = self.signals.index, self.signals.rule
+        return replace(
+            self,
+            values=self.values[count:],
+            ranges=self.ranges[max(0, count - 1) :],
+            signals=Signals(_after(index, count), rule[index >= count]),
+            range_signals=_after(self.range_signals, count),
+        )
 
 
 @dataclass(frozen=True)
@@ -131,6 +143,12 @@ class EwmaChart:
     width: float  #: Distance of the limits in sigmas of the average (L).
     signals: IntArray  #: Indices of the points beyond the limits.
 
+    def after(self, count: int) -> "EwmaChart":
+        """Return the chart without the first `count` values, which its average still includes."""
+        names = ("values", "average", "low", "high")
+        shown = {name: getattr(self, name)[count:] for name in names}
+        return replace(self, **shown, signals=_after(self.signals, count))
+
 
 @dataclass(frozen=True)
 class CusumChart:
@@ -145,6 +163,12 @@ class CusumChart:
     decision: float  #: h, sigmas.
     signals_high: IntArray  #: Indices of the points at which `upper` exceeds h.
     signals_low: IntArray  #: Indices of the points at which `lower` exceeds h.
+
+    def after(self, count: int) -> "CusumChart":
+        """Return the chart without the first `count` values, which its sums still include."""
+        shown = {name: getattr(self, name)[count:] for name in ("values", "upper", "lower")}
+        high, low = (_after(signals, count) for signals in (self.signals_high, self.signals_low))
+        return replace(self, **shown, signals_high=high, signals_low=low)
 
 
 def individuals_chart(
@@ -260,6 +284,11 @@ def nelson_signals(values: FloatArray, center: float, sigma: float, width: float
     rule = np.concatenate([np.full(np.count_nonzero(flags[rule]), rule) for rule in RULES])
     order = np.lexsort((rule, index))
     return Signals(index[order], rule[order])
+
+
+def _after(index: IntArray, count: int) -> IntArray:
+    """Return the indices of values after the first `count` values were removed."""
+    return np.asarray(index[index >= count] - count)
 
 
 def _ewma_sigmas(weight: float, count: int) -> FloatArray:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from itertools import compress
 from pathlib import Path
@@ -92,6 +92,10 @@ class Charts:
         cusum_signals = np.flatnonzero(np.maximum(cusum.upper, cusum.lower) > cusum.decision)
         return {**nelson, "range": self.individuals.range_signals, "ewma": self.ewma.signals, "cusum": cusum_signals}
 
+    def after(self, count: int) -> "Charts":
+        """Return the charts without their first `count` values, whose effects on later points they keep."""
+        return Charts(self.individuals.after(count), self.ewma.after(count), self.cusum.after(count))
+
 
 @dataclass(frozen=True)
 class ParameterQuality:
@@ -110,13 +114,15 @@ class ParameterQuality:
     declared: bool = False  #: Whether the center is the reference value of a check standard.
     effects: RandomEffects | None = None  #: Model that made values of several schedules comparable, SI.
     baseline: int = 0  #: Number of the first values that belong to the baseline of the process.
+    #: Charted values of earlier runs, with which averages, sums and patterns begin, shape (m,).
+    earlier: FloatArray = field(default_factory=lambda: np.empty(0))
 
     @classmethod
     def of(
         cls, product: str, parameter: str, names: tuple[str, ...], started: FloatArray, values: FloatArray, **more: Any
     ) -> "ParameterQuality":
-        """Create the charts of values; `more` are the other fields, including the process."""
-        signals = charts_of(values, more["process"]).signals()
+        """Create the charts of values; `more` are the other fields, including the process and the earlier values."""
+        signals = _charts_after(more["earlier"], values, more["process"]).signals()
         alarms = {code: len(indices) for code, indices in signals.items()}
         signalling = np.unique(np.concatenate([*signals.values()]))
         latest = int(signalling[-1]) if len(signalling) else None
@@ -125,7 +131,7 @@ class ParameterQuality:
 
     def charts(self) -> Charts:
         """Return the charts."""
-        return charts_of(self.values, self.process)
+        return _charts_after(self.earlier, self.values, self.process)
 
     def to_json(self) -> dict[str, Any]:
         """Return values in SI and signals as JSON data; `run` is the name of a run."""
@@ -165,6 +171,11 @@ def charts_of(values: FloatArray, process: Process) -> Charts:
         ewma_chart(values, center, sigma, width=widths.ewma),
         cusum_chart(values, center, sigma, decision=widths.cusum),
     )
+
+
+def _charts_after(earlier: FloatArray, values: FloatArray, process: Process) -> Charts:
+    """Return the charts of values, whose averages, sums and patterns begin with earlier values."""
+    return charts_of(np.concatenate([earlier, values]), process).after(len(earlier))
 
 
 @dataclass(frozen=True)
@@ -226,8 +237,8 @@ def summarise_quality(
         use the last run of each unit, exclude its runs and the runs of check standards according to their results or to
         a current product file.
     parameter : parameter that is charted; by default all
-    since : earliest start of the runs; the limits of the charts do not depend on it, because their baseline is the
-        first runs of any time
+    since : earliest start of the runs; limits and signals of the charts do not depend on it, because baseline,
+        averages, sums and patterns begin with the first runs of any time
     relative : whether to chart deviations in standard deviations, for runs of several schedules; then there is no
         capability. For all units it is (x - mean) / sqrt(sigma² + tau²), with each run's own sigma, and mean and tau of
         the random effects model of the baseline. For a single unit with reference values it is (x - reference) /
@@ -316,7 +327,7 @@ def _charts(
 ) -> Iterator[ParameterQuality]:
     """Yield charts and capability of the parameters that have enough values, and charts of `common_scale`.
 
-    They show the runs that started at `start` or later; the process is estimated from the first of all `rows`.
+    They show the runs that started at `start` or later; process and charts begin with the first of all `rows`.
     """
     names, started = tuple(map(runs.names.__getitem__, rows.tolist())), runs.started[rows]
     columns = {name: (values, runs.sigmas[name]) for name, values in runs.values.items()}
@@ -352,6 +363,7 @@ def _charts(
             tuple(compress(names, solved))[first:],
             started[solved][first:],
             values[first:],
+            earlier=values[:first],
             process=process,
             baseline=max(0, process.baseline - first),
             capability=None if interval is None else capability(values[first:], *interval),

@@ -135,3 +135,26 @@ def test_limits_of_a_parameter_take_precedence_over_its_group() -> None:
     own = product.model_copy(update={"limits": {**product.limits, "gyro_bias_x": limit}})
     assert limit_interval(own, "gyro_bias_x") == (0.0, 1.0)
     assert limit_interval(own, "clock_offset") is None
+
+
+def test_signals_do_not_depend_on_the_earliest_start(tmp_path: Path) -> None:
+    """A drift and two jumps: average, sums, patterns and moving range of a shown run include the runs not shown."""
+    random = np.random.default_rng(4)
+    for k in range(60):
+        drift = 0.3e-6 * max(0, k - 20) + (6e-6 if k in (30, 45) else 0.0)
+        values = {"gyro_bias_x": 1e-6 * random.normal() + drift}
+        started = (BEGIN + timedelta(hours=k)).isoformat()
+        write(tmp_path, f"SN-{k}", f"SN-{k}", "passed", 1, values=values, started_utc=started)
+    History(tmp_path).refresh()
+    (whole,) = summarise_quality(ignore, tmp_path).parameters
+    expected = {code: {whole.names[k] for k in found} for code, found in whole.charts().signals().items()}
+    assert all(expected[code] for code in ("nelson_2", "range", "ewma", "cusum"))
+    for first in (1, 25, 30, 31, 45, 50):
+        (part,) = summarise_quality(ignore, tmp_path, since=BEGIN + timedelta(hours=first)).parameters
+        charts = part.charts()
+        assert part.names == whole.names[first:]
+        for code, found in charts.signals().items():
+            assert {part.names[k] for k in found} == expected[code] & {*part.names}, code
+            assert part.alarms[code] == len(found)
+        assert charts.ewma.average == pytest.approx(whole.charts().ewma.average[first:], abs=0.0)
+        assert charts.individuals.ranges == pytest.approx(np.abs(np.diff(whole.values[first - 1 :])))

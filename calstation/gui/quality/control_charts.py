@@ -73,7 +73,8 @@ class ControlCharts(StackedPlots[ParameterCharts]):
         self._lines(top, size * chart.center, [size * chart.low, size * chart.high])
         self._values(top, size * chart.values, chart.signals.index)
         self._lines(middle, size * chart.range_center, [size * chart.range_high])
-        self._values(middle, size * chart.ranges, chart.range_signals - 1, first=1)
+        first = len(chart.values) - len(chart.ranges)
+        self._values(middle, size * chart.ranges, chart.range_signals - first, first=first)
         if self._slow == "ewma":
             bottom.setLabel("left", data.unit)
             self._draw_ewma(bottom, ewma, size)
