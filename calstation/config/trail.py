@@ -1,7 +1,8 @@
 """The audit trail of the site for the window: reading with verification, and export."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from calstation.errors import ConfigurationError
 from calstation.escaping import for_csv
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, os_reason
+from calstation.parsing import read_json
 from calstation.records import (
     AuditEvent,
     AuditTrail,
@@ -32,6 +34,7 @@ class SiteTrail:
     trail: AuditTrail
     state: tuple[Text, ...]
     faults: tuple[Text, ...] = ()  #: Those of `state` that contradict the trail or a file.
+    cautions: tuple[Text, ...] = ()  #: Those of `state` that say what could not be verified.
 
     @property
     def intact(self) -> bool:
@@ -44,20 +47,34 @@ def read_site_trail(report: ProgressCallback) -> SiteTrail:
     folder = library.site_folder()
     state = verify_trail(folder, every_signature=True)
     report(1.0)
-    faults = state.faults or _contradicting_files(folder)
-    texts = _verification(audit_path(folder), state.trail, faults)
+    faults = state.faults or _without_trail(folder, "audit.files_without", _proofs(folder))
+    cautions = () if faults else _without_trail(folder, "audit.older_or_removed", _traces(folder))
+    texts = cautions or _verification(audit_path(folder), state.trail, faults)
     if state.key_error is not None:
         texts = (*texts, state.key_error.as_text)
-    return SiteTrail(state.trail, texts, faults)
+    return SiteTrail(state.trail, texts, faults, cautions)
 
 
-def _contradicting_files(folder: Path) -> tuple[Text, ...]:
-    """Return the fault of a site without an audit trail whose files were written only after an event of the trail."""
+def _without_trail(folder: Path, code: str, witnesses: Iterator[Path]) -> tuple[Text, ...]:
+    """Return the finding about the first witness of a site that has no audit trail; () if it has one."""
     path = audit_path(folder)
-    if path.exists():
-        return ()
-    witnesses = (folder / name for name in ("engineer.json", "engineers", "versions"))
-    return tuple(Text.of("audit.files_without", file=path, witness=each) for each in witnesses if each.exists())[:1]
+    found = () if path.exists() else (Text.of(code, file=path, witness=each) for each in witnesses)
+    return tuple(found)[:1]
+
+
+def _proofs(folder: Path) -> Iterator[Path]:
+    """Yield files that only a program with an audit trail writes, after an event of the trail."""
+    if (folder / "engineers").exists():
+        yield folder / "engineers"
+    for path in sorted((folder / "versions").glob("*/*/*.json")):
+        with suppress(OSError, ValueError):
+            if "reason" in read_json(path):  # versions before the audit trail have none
+                yield path
+
+
+def _traces(folder: Path) -> Iterator[Path]:
+    """Yield files that programs without an audit trail also wrote."""
+    yield from (each for name in ("engineer.json", "versions") if (each := folder / name).exists())
 
 
 def read_trail_copy(path: Path) -> SiteTrail:

@@ -16,6 +16,7 @@ from calstation.records import (
     find_heads,
     public_key,
     report_faults,
+    report_file,
     reports_of_others,
     site_events,
     site_trails,
@@ -41,10 +42,7 @@ def verify_certificate(path: Path) -> CertificateState:
 
     Raises InputError if a file cannot be read.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as exc:
-        raise InputError("result.unreadable", file=path, reason=os_reason(exc)) from exc
+    content = _content_of(path)
     state = verify_trail(site_folder(), every_signature=True)
     findings, intact = list(state.faults), not state.faults
     digest = hashlib.sha256(content).hexdigest()
@@ -72,17 +70,19 @@ def verify_certificate(path: Path) -> CertificateState:
     return CertificateState(tuple(findings), intact)
 
 
-def read_verified_trail(report: ProgressCallback, station: Path | None) -> SiteTrail:
-    """Job: read and verify the audit trail of the site, and compare the files of its certificates with it.
+def read_verified_trail(report: ProgressCallback, station: Path | None, runs: Path) -> SiteTrail:
+    """Job: read and verify the audit trail of the site, and compare it with certificates and with their record.
 
-    They are sought in the folders for reports of the station and of all stations in the library, in the one next to the
-    runs, and with the runs. A file that is missing is only stated. Raises InputError if a file cannot be read.
+    The files of certificates are sought in the folders for reports of the station and of all stations in the library,
+    in those next to `runs` and to the runs of certificates, and with the runs. The record of issued reports is the one
+    in `runs`. Raises InputError if a file cannot be read.
     """
     site = read_site_trail(lambda *_, **__: None)
-    issued, successors = list(_issued_files(list(_report_folders(station)))), _successors()
-    intact, missing, changed = 0, [], []
-    for number, (certificate, name, digests, folders) in enumerate(issued, 1):
-        file = next((each / name for each in folders if (each / name).is_file()), None)
+    folders = [*_report_folders(station), default_report_folder(runs.absolute())]
+    issued, successors = list(_issued_files(folders)), _successors()
+    intact, missing, faults = 0, [], list(site.faults)
+    for number, (certificate, name, digests, locations) in enumerate(issued, 1):
+        file = next((each / name for each in locations if (each / name).is_file()), None)
         if file is None:
             missing.append(name)
         elif _digest_of(file) in digests:
@@ -90,16 +90,70 @@ def read_verified_trail(report: ProgressCallback, station: Path | None) -> SiteT
         else:
             successor = successors.get(certificate, certificate)
             code = "audit.file_changed" if successor == certificate else "audit.replaced_file_changed"
-            changed.append(Text.of(code, file=file, certificate=certificate, successor=successor))
+            faults.append(Text.of(code, file=file, certificate=certificate, successor=successor))
         report(number / len(issued))
     report(1.0)
-    found = [*changed]
-    if intact:
-        found.append(Text.of("audit.files_intact", count=intact))
-    if missing:
-        names = [*missing[:_MAX_NAMES], *(["…"] if len(missing) > _MAX_NAMES else [])]
-        found.append(Text.of("audit.files_missing", count=len(missing), names=names))
-    return replace(site, state=(*site.state, *found), faults=(*site.faults, *changed))
+    cautions = [Text.of("audit.files_missing", count=len(missing), names=_first(missing))] if missing else []
+    # the files of a certificate may be with its runs, the last of the locations, where others need not be certificates
+    searched = dict.fromkeys([*folders, *(each for *_, locations in issued for each in locations[:-1])])
+    forged, unrecorded = _unrecorded_files(list(searched), runs)
+    faults, cautions = [*faults, *forged], [*cautions, *unrecorded]
+    others = [Text.of("audit.files_intact", count=intact)] if intact else []
+    if report_file(runs).path.exists():
+        record = _verify_record(runs)
+        for each in record.findings:
+            if not record.intact:
+                faults += [each] if each not in faults else []
+            elif each.code == "report.of_others" and not site.trail.digests:
+                cautions.append(each)
+            elif each.code in ("report.record_intact", "report.of_others"):
+                others.append(each)
+    state = [*site.state, *(each for each in (*faults, *cautions, *others) if each not in site.state)]
+    return replace(site, state=tuple(state), faults=tuple(faults), cautions=(*site.cautions, *cautions))
+
+
+def _verify_record(runs: Path) -> CertificateState:
+    """Return the result of `verify_reports`, or why it is impossible."""
+    try:
+        return verify_reports(runs)
+    except InputError as exc:
+        return CertificateState((exc.as_text,), intact=False)
+
+
+def _first(names: Sequence[str]) -> list[str]:
+    """Return the first names, with an ellipsis for the others."""
+    return [*names[:_MAX_NAMES], *(["…"] if len(names) > _MAX_NAMES else [])]
+
+
+def _unrecorded_files(folders: Sequence[Path], runs: Path) -> tuple[list[Text], list[Text]]:
+    """Return faults and cautions about files in folders for reports that no record of the site contains.
+
+    A file that states the trail of this site is a fault, because the trail contains all files that the site has issued.
+    """
+    values = [each.values for each in site_events(site_folder())]
+    recorded = [files for each in values if isinstance(files := each.get("files"), dict)]
+    names = {Path(name).name for files in recorded for name in files}
+    digests = {digest for files in recorded for digest in files.values()}
+    numbers = {each.identification for each in report_file(runs).read().entries}
+    keys = {key for _, trail in site_trails(site_folder()) if (key := public_key(trail)) is not None}
+    faults: list[Text] = []
+    cautions: list[Text] = []
+    for folder in folders:
+        unknown: list[str] = []
+        for path in sorted(each for each in folder.glob("*") if each.suffix in (".pdf", ".xml") and each.is_file()):
+            if path.name in names or path.stem.removesuffix("_zh") in numbers:
+                continue
+            content = _content_of(path)
+            if hashlib.sha256(content).hexdigest() in digests:
+                continue  # a copy with another name
+            if any(head.key in keys for head in find_heads(content)):
+                faults.append(Text.of("audit.file_unknown", file=path))
+            else:
+                unknown.append(path.name)
+        if unknown:
+            count = len(unknown)
+            cautions.append(Text.of("audit.files_unrecorded", folder=folder, count=count, names=_first(unknown)))
+    return faults, cautions
 
 
 def _report_folders(station: Path | None) -> Iterator[Path]:
@@ -141,8 +195,13 @@ def _issued_files(report_folders: Sequence[Path]) -> Iterator[tuple[str, str, se
 
 def _digest_of(file: Path) -> str:
     """Return the SHA-256 of a file. Raises InputError."""
+    return hashlib.sha256(_content_of(file)).hexdigest()
+
+
+def _content_of(file: Path) -> bytes:
+    """Return the bytes of a file. Raises InputError."""
     try:
-        return hashlib.sha256(file.read_bytes()).hexdigest()
+        return file.read_bytes()
     except OSError as exc:
         raise InputError("result.unreadable", file=file, reason=os_reason(exc)) from exc
 
@@ -160,7 +219,7 @@ def verify_reports(folder: Path) -> CertificateState:
     findings = [Text.of("report.record_intact", folder=folder)]
     others = reports_of_others(folder, state)
     if others:
-        findings.append(Text.of("report.of_others", count=others))
+        findings.append(Text.of("report.of_others", file=report_file(folder).path, count=others))
     of_this_trail = [each.head for each in heads if each.head.key == state.public_key]
     findings += [Text.of("audit.database_agrees", line=head.lines, digest=head.digest) for head in of_this_trail]
     if not of_this_trail:

@@ -3,6 +3,7 @@
 import csv
 import hashlib
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from pytestqt.qtbot import QtBot
 from calstation.config import access, library, versions
 from calstation.gui.history import HistoryPage
 from calstation.gui.text import language
-from calstation.records import append_audit, audit_path
+from calstation.records import IssuedReport, append_audit, audit_path, report_file, reports_head, verify_trail
 from tests.gui.conftest import SiteFolder
 from tests.gui.test_history_page import WAIT, button, folder, page
 
@@ -166,14 +167,17 @@ def test_files_of_certificates_are_compared_with_the_trail(
     language.use(code)
     open_trail(page, qtbot)
     state = page.audit.findChild(QLabel, "audit_state_label")
-    assert missing in state.text()
-    assert state.property("kind") != "error"
+    cautions = page.audit.findChild(QLabel, "audit_cautions_label")
+    assert missing in cautions.text()
+    assert page.audit._icon._kind == "caution", "no tick, because one file was not compared"
+    assert missing not in state.text()
     with (folder / "N-2.pdf").open("ab") as file:
         file.write(b" ")
     qtbot.mouseClick(button(page, "audit_verify_button"), Qt.MouseButton.LeftButton)
     faults = page.audit.findChild(QLabel, "audit_faults_label")
     qtbot.waitUntil(lambda: changed in faults.text(), timeout=WAIT)
     assert str(folder / "N-2.pdf") in faults.text()
+    assert page.audit._icon._kind == "bad"
     assert agreeing in state.text(), "not in red"
     assert state.property("kind") != "error"
     language.use("en")
@@ -235,24 +239,79 @@ def test_lines_after_a_changed_first_line_are_listed_as_unverified(
     language.use("en")
 
 
-@pytest.mark.parametrize(("code", "words"), [("en", "is missing, although"), ("zh_CN", "缺失")])
-def test_a_pin_or_a_version_without_the_trail_of_its_event_is_a_fault(
-    page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot, code: str, words: str
+@pytest.mark.parametrize(
+    ("code", "missing", "unknown"),
+    [("en", "is missing, although", "The files do not show which"), ("zh_CN", "缺失", "仅凭现有文件无法判断")],
+)
+def test_site_without_a_trail_is_damaged_only_if_a_file_was_written_after_an_event_of_it(
+    page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot, code: str, missing: str, unknown: str
 ) -> None:
+    """Programs before the audit trail wrote PINs and versions, but no reasons and no PINs of badges."""
+    home = site_folder.home
     access.set_pin("", "246810")
+    access.set_pin("246810", "135790", "B-7")
     versions.save("products", "nav_a", library.find("products", "nav_a").read_text("utf-8"), "Li Na")
+    for name in ("audit.jsonl", "station.key", "station.head"):
+        (home / name).unlink()
+    entries = sorted((home / "versions" / "products" / "nav_a").glob("*.json"))
     language.use(code)
     open_trail(page, qtbot)
-    state = page.audit.findChild(QLabel, "audit_faults_label")
-    assert not state.text()
-    for name in ("audit.jsonl", "station.key", "station.head"):
-        (site_folder.home / name).unlink()
-    for witness in ("engineer.json", "versions"):
+    faults, cautions = (page.audit.findChild(QLabel, f"audit_{name}_label") for name in ("faults", "cautions"))
+
+    def verify(label: QLabel, words: str, witness: str, icon: str) -> None:
         qtbot.mouseClick(button(page, "audit_verify_button"), Qt.MouseButton.LeftButton)
-        qtbot.waitUntil(lambda name=witness: words in state.text() and name in state.text(), timeout=WAIT)
-        assert page.audit._icon._kind == "bad"
-        path = site_folder.home / witness
-        path.rename(path.with_name(f"former_{witness}"))
+        qtbot.waitUntil(lambda: words in label.text() and witness in label.text(), timeout=WAIT)
+        assert page.audit._icon._kind == icon
+
+    verify(faults, missing, "engineers", "bad")
+    (home / "engineers").rename(home / "former")
+    verify(faults, missing, entries[0].name, "bad")
+    for entry in entries:
+        values = json.loads(entry.read_text("utf-8"))
+        del values["reason"]
+        entry.write_text(json.dumps(values), "utf-8")
+    verify(cautions, unknown, "engineer.json", "caution")
+    assert not faults.isVisible()
+    (home / "engineer.json").unlink()
+    verify(cautions, unknown, "versions", "caution")
+    language.use("en")
+
+
+@pytest.mark.parametrize(
+    ("code", "unrecorded", "forged"),
+    [
+        ("en", "contains: 2 (N-8.xml, N-9.pdf).", "contains no file like"),
+        ("zh_CN", "2 个（N-8.xml, N-9.pdf）", "没有与"),
+    ],
+)
+def test_certificates_that_no_record_contains_are_named(
+    page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot, code: str, unrecorded: str, forged: str
+) -> None:
+    runs = page.app.runs_folder.absolute()
+    folder = runs.parent / "certificates"
+    folder.mkdir(exist_ok=True)
+    runs.mkdir(exist_ok=True)
+    for name in ("N-8.xml", "N-9.pdf", "notes.txt", "N-7_zh.pdf"):
+        (folder / name).write_bytes(b"calstation")
+    report_file(runs).append(asdict(IssuedReport("N-7", 0, "2026-11-02", None, "0" * 64, "0.1")))
+    language.use(code)
+    open_trail(page, qtbot)
+    faults, cautions = (page.audit.findChild(QLabel, f"audit_{name}_label") for name in ("faults", "cautions"))
+    assert unrecorded in cautions.text().replace("、", ", ")
+    assert "N-7" not in cautions.text(), "the record of issued reports contains it"
+    assert "reports.jsonl" in cautions.text(), "which no audit trail confirms"
+    assert page.audit._icon._kind == "caution"
+    assert not faults.text()
+    append_audit(site_folder.home, "pin_set", "")
+    digests = {"N-9.pdf": hashlib.sha256(b"calstation").hexdigest()}
+    append_audit(site_folder.home, "certificate", "", certificate="N-9", files=digests, reports=reports_head(runs))
+    head = verify_trail(site_folder.home).head
+    assert head is not None
+    (folder / "N-6.pdf").write_bytes(str(head).encode())
+    qtbot.mouseClick(button(page, "audit_verify_button"), Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: forged in faults.text(), timeout=WAIT)
+    assert "N-6.pdf" in faults.text()
+    assert not cautions.text(), "N-8.xml has the bytes of a recorded file"
     language.use("en")
 
 

@@ -82,7 +82,7 @@ def check_audit(file: Path | None, json: str | None) -> int:
 
 def _read(file: Path | None) -> tuple[Path, SiteTrail]:
     if file is None:
-        return audit_path(site_folder()), read_verified_trail(ignore_progress, None)
+        return audit_path(site_folder()), read_verified_trail(ignore_progress, None, Path("runs"))
     if not file.exists():
         raise InputError("audit.not_found", file=file)
     return file, read_trail_copy(file)

@@ -42,8 +42,6 @@ _PERIODS: dict[int | None, Words] = {
     None: "history.any_time",
     **{days: Text.of("common.last_days", days=days) for days in (7, 30, 365)},
 }
-#: Symbol of the state of the trail: not yet read, intact, damaged.
-_STATES = {None: "none", True: "good", False: "bad"}
 #: Values that come first, in this order.
 _FIRST = ("serial", "certificate", "validation", "verdict")
 #: Ends of the names of values that only the hint shows: digests, versions of all packages, heads of files.
@@ -74,6 +72,7 @@ class AuditView(JobView):
         self.setFocusProxy(self.back_button)
         self._icon, self._state = StateIcon(20), label(wrap=True, name="audit_state_label", selectable=True)
         self._faults = label(kind="error", wrap=True, name="audit_faults_label", selectable=True)
+        self._cautions = label(kind="caution", wrap=True, name="audit_cautions_label", selectable=True)
         self._verified = ""  #: Time of the verification.
         self._search = line_edit("audit_search_edit", self._refresh, hint="history.audit_search")
         self._event, self._person = (combo_box(f"audit_{name}_combo", characters=14) for name in ("event", "person"))
@@ -103,7 +102,7 @@ class AuditView(JobView):
         column(
             row(self.back_button, label("history.audit_trail", "section"), (jobs, 1), spacing=2 * theme.GRID),
             self.notice,
-            row(self._icon, (column(self._faults, self._state, spacing=0), 1)),
+            row(self._icon, (column(self._faults, self._cautions, self._state, spacing=0), 1)),
             row(*filters),
             (self.table, 1),
             on=self,
@@ -117,7 +116,7 @@ class AuditView(JobView):
         self.back_button.setFocus()
 
     def _read(self) -> None:
-        self._reader.start(self.app.station_path)
+        self._reader.start(self.app.station_path, self.app.runs_folder)
 
     def _show_trail(self, trail: SiteTrail) -> None:
         self._trail, self._verified = trail, f"{datetime.now():%Y-%m-%d %H:%M:%S}"
@@ -131,11 +130,12 @@ class AuditView(JobView):
         events = [(term("audit_event", name), name) for name in names]
         fill_combo(self._event, [(say("history.audit_every_event"), ""), *events])
         fill_combo(self._person, [(say("history.audit_everyone"), ""), *((name, name) for name in people)])
-        is_begun = trail is not None and (trail.trail.digests or trail.faults)
-        self._icon.set_kind(_STATES[trail.intact if trail is not None and is_begun else None])
-        faults = () if trail is None else trail.faults
-        others = () if trail is None else tuple(each for each in trail.state if each not in faults)
+        faults, cautions = ((), ()) if trail is None else (trail.faults, trail.cautions)
+        is_begun = trail is not None and trail.trail.digests
+        self._icon.set_kind("bad" if faults else "caution" if cautions else "good" if is_begun else "none")
+        others = () if trail is None else tuple(each for each in trail.state if each not in (*faults, *cautions))
         show_text(self._faults, "\n".join(map(say, faults)))
+        show_text(self._cautions, "\n".join(map(say, cautions)))
         verified = [say("history.audit_verified", time=self._verified, count=len(faults))] if trail is not None else []
         self._state.setText("\n".join([*verified, *map(say, others)]))
         self._refresh()
