@@ -4,7 +4,7 @@ import json
 from bisect import bisect
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import product
 from pathlib import Path
@@ -22,8 +22,7 @@ from calstation.physics import NAMES, FloatArray, further_parameter
 from calstation.quality.gauge import GaugeStudy, check_size, crossed, gauge_study, ranges_beyond
 from calstation.quality.runs import judged_runs, product_runs
 from calstation.quality.summary import known_products, limit_interval
-from calstation.records import Categories, RunColumns, RunFilter, write_atomic
-from calstation.results import History
+from calstation.records import Categories, RunColumns, write_atomic
 
 SCHEMA: Literal["calstation.gauge_plan/2"] = "calstation.gauge_plan/2"
 
@@ -260,6 +259,6 @@ def evaluate_study(report: ProgressCallback, folder: Path, path: Path, product: 
             tolerance = None if interval is None else interval[1] - interval[0]
             studies[name] = gauge_study(plan.factors, of_levels, tolerance)
         report(done / len(values))
-    known = History(folder).columns(RunFilter(product=plan.product, missing=None)) if missing else runs
+    known = replace(runs, missing=np.zeros(len(runs.names), dtype=bool))
     lost = Counter(missing) - Counter(plan.remaining(known))
     return StudyState(plan, missing, plan.out_of_order(runs), studies, values, tuple(lost.elements()))

@@ -14,25 +14,26 @@ from calstation.results import History
 def product_runs(folder: Path, product: str, station: str = "") -> RunColumns:
     """Return the runs of a product and a station in a folder, "" for all of them, from the folder's index.
 
-    They are read again only if the index has changed or the last call was for other runs, so that filtering 100,000
-    runs does not read them again.
+    They include runs whose files are missing. They are read again only if the index has changed or the last call was
+    for other runs, so that filtering 100,000 runs does not read them again.
     """
     return _columns(folder, product, station, History(folder).mark())
 
 
 @lru_cache(maxsize=3)
 def _columns(folder: Path, product: str, station: str, mark: str | None) -> RunColumns:
-    return History(folder).columns(RunFilter(product=product, station=station))
+    return History(folder).columns(RunFilter(product=product, station=station, missing=None))
 
 
-def judged_runs(runs: RunColumns) -> IntArray:
-    """Return the indices of the complete runs that ended with PASS or FAIL."""
-    return np.flatnonzero(~runs.partial & runs.verdicts.isin((Verdict.PASSED, Verdict.FAILED)))
+def judged_runs(runs: RunColumns, *, missing: bool = False) -> IntArray:
+    """Return the indices of the complete runs that ended with PASS or FAIL, also those without files if `missing`."""
+    judged = ~runs.partial & runs.verdicts.isin((Verdict.PASSED, Verdict.FAILED))
+    return np.flatnonzero(judged if missing else judged & ~runs.missing)
 
 
-def production_runs(runs: RunColumns, excluded: Collection[str]) -> IntArray:
-    """Return the indices of runs with a verdict, without runs of check standards and of the units `excluded`."""
-    judged = judged_runs(runs)
+def production_runs(runs: RunColumns, excluded: Collection[str], *, missing: bool = False) -> IntArray:
+    """Return the indices of `judged_runs` without runs of check standards and of the units `excluded`."""
+    judged = judged_runs(runs, missing=missing)
     return judged[~_of_standards(runs, excluded)[judged]]
 
 

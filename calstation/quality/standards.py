@@ -88,9 +88,10 @@ def whole_runs(
     """Return the complete runs of a check standard at a station that passed or failed, the latest first.
 
     Runs without a valid start, and runs that started after `now`, are omitted, because they would hide all later ones.
-    Runs of other folders are omitted, because their results are stored elsewhere.
+    Runs of other folders are omitted, because their results are stored elsewhere. A run whose files are missing counts
+    only if it failed.
     """
-    run_filter = RunFilter(search=standard.serial, station=station.name, product=product.name)
+    run_filter = RunFilter(search=standard.serial, station=station.name, product=product.name, missing=None)
     return [run for run in history.runs(run_filter, limit=None) if _is_valid(run, standard, now)]
 
 
@@ -154,6 +155,7 @@ def _state(
 
 def _is_valid(run: RunRecord, standard: CheckStandardSection, now: datetime) -> bool:
     judged = run.serial == standard.serial and not run.origin and not run.partial and run.verdict.judged
+    judged = judged and not (run.missing and run.verdict.passed)
     try:
         return judged and _time(run.started_utc) <= now
     except InputError:

@@ -207,6 +207,7 @@ class QualitySummary:
                 },
                 "failed_checks": [check.to_json() for check in yields.failed_checks],
                 "partial_failed": yields.partial_failed,
+                "missing": yields.missing,
             },
             "parameters": [each.to_json() for each in self.parameters],
             "golden": None

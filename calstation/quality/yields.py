@@ -75,15 +75,17 @@ class Yields:
     operators: Mapping[str, Share]
     failed_checks: tuple[FailedCheck, ...]  #: The most frequent first (Pareto).
     partial_failed: int = 0  #: Number of partial runs that failed, which nothing else includes.
+    missing: int = 0  #: Number of the runs whose files are missing.
 
 
 def count_yields(runs: RunColumns, since: float = -math.inf, excluded: Collection[str] = ()) -> Yields:
     """Return the yield of the runs that started at `since` or later, s since 1970 in UTC.
 
-    Earlier runs only determine which units had their first run before. Runs of check standards and of the units
+    Runs whose files are missing count, so that deleting files does not raise the yield. Earlier runs only determine
+    which units had their first run before. Runs of check standards and of the units
     `excluded` are omitted. A run that failed several checks is included in each of them.
     """
-    judged = production_runs(runs, excluded)
+    judged = production_runs(runs, excluded, missing=True)
     units = runs.products.codes[judged] * len(runs.serials.values) + runs.serials.codes[judged]
     first = judged[np.unique(units, return_index=True)[1]]
     last = judged[len(judged) - 1 - np.unique(units[::-1], return_index=True)[1]]
@@ -105,6 +107,7 @@ def count_yields(runs: RunColumns, since: float = -math.inf, excluded: Collectio
         operators=operators,
         failed_checks=_pareto([runs.failed_checks[k] for k in failed.tolist()]),
         partial_failed=int(np.count_nonzero(runs.started[partial] >= since)),
+        missing=int(np.count_nonzero(runs.missing[selected])),
     )
 
 

@@ -126,6 +126,7 @@ class RunColumns:
     operators: Categories[str | None]
     partial: BoolArray  #: Whether the run omitted stages of its product.
     check_standard: BoolArray  #: Whether the unit was a check standard.
+    missing: BoolArray  #: Whether the files of the run are missing.
     failed_checks: Categories[tuple[CheckId, ...]]  #: As in `IndexedRun`.
     values: Mapping[str, FloatArray]  #: Solved values by parameter, SI; NaN if a run has none.
     sigmas: Mapping[str, FloatArray]  #: Standard deviations of the values, SI.

@@ -241,6 +241,9 @@ class RunIndex:
         verdicts: tuple[Verdict, ...] | None = None,
         before: str | None = None,
         limit: int | None = None,
+        product: str | None = "",
+        *,
+        missing: bool = False,
     ) -> list[IndexedRun]:
         """Return runs of a unit, the latest first.
 
@@ -250,8 +253,14 @@ class RunIndex:
         verdicts : verdicts of the runs; None for any verdict
         before : exclusive upper limit of the start, ISO 8601; None for no limit
         limit : largest number of runs; None for no limit
+        product : product of the runs; "" for any product
+        missing : whether to include runs whose files are missing
         """
-        query = sa.select(RUNS).where(RUNS.c.serial == serial, PRESENT)
+        query = sa.select(RUNS).where(RUNS.c.serial == serial)
+        if not missing:
+            query = query.where(PRESENT)
+        if product != "":
+            query = query.where(RUNS.c.product == product)
         if verdicts is not None:
             query = query.where(RUNS.c.verdict.in_(verdicts))
         if before is not None:
@@ -265,15 +274,15 @@ class RunIndex:
         return {serial for (serial,) in rows}
 
     def attempts(self, serial: str) -> int:
-        """Return the number of runs started for a unit; a resumed run counts once."""
+        """Return the number of runs started for a unit, also without files; a resumed run counts once."""
         query = sa.select(sa.func.count()).select_from(RUNS)
-        query = query.where(RUNS.c.serial == serial, RUNS.c.resumed_from.is_(None), PRESENT)
+        query = query.where(RUNS.c.serial == serial, RUNS.c.resumed_from.is_(None))
         return self._try(lambda connection: int(connection.execute(query).scalar_one()))
 
     def columns(self, conditions: RunFilter) -> RunColumns:
         """Return the runs that meet all conditions and have a start time, in columns."""
         days = sa.func.julianday(RUNS.c.started_utc)  # SQL NULL for an invalid time
-        fields = ("name", "serial", "verdict", "product", "station", "operator", "partial", "check_standard")
+        fields = ("name", "serial", "verdict", "product", "station", "operator", "partial", "check_standard", "missing")
         where = (days.is_not(None), *conditions_of(conditions))
 
         def read(connection: sa.Connection) -> tuple[str, list[tuple[Any, ...]]]:
@@ -289,8 +298,8 @@ class RunIndex:
         usual_parameters, rows = self._try(read)
         # sorted here, because SQLite would read the table in the order of time, which is slow random access
         order = np.argsort([row[0] for row in rows], kind="stable")
-        columns = zip(*map(rows.__getitem__, order.tolist()), strict=True) if rows else [()] * 12
-        days_started, names, *texts, partial, standard, failed, parameters, numbers = columns
+        columns = zip(*map(rows.__getitem__, order.tolist()), strict=True) if rows else [()] * 13
+        days_started, names, *texts, partial, standard, missing, failed, parameters, numbers = columns
         serials, verdicts, products, stations, operators = (Categories.of(column) for column in texts)
         values, sigmas = estimates_by_name(Categories.of(parameters), numbers, usual_parameters)
         checks = Categories.of(failed)
@@ -306,6 +315,7 @@ class RunIndex:
             operators,
             np.array(partial, dtype=bool),
             np.array(standard, dtype=bool),
+            np.array(missing, dtype=bool),
             Categories(tuple(read_check_ids(each or NO_CHECKS) for each in checks.values), checks.codes),
             values,
             {name: sigmas[name] for name in values},

@@ -150,8 +150,9 @@ class History:
         return self._query(self._index.passed_units)
 
     def passed_before(self, serial: str) -> RunRecord | None:
-        """Return the unit's latest run that passed and was not partial, or None."""
-        return next((run for run in self.passed(serial) if not run.partial), None)
+        """Return the unit's latest run that passed and was not partial, also without files, or None."""
+        runs = self._query(lambda: self._index.of_unit(serial, _PASSED, missing=True))
+        return next((run.record for run in runs if not run.record.partial), None)
 
     def result(self, record: RunRecord) -> Result:
         """Return the result of a run in the index, from its log if there is no result file. Raises InputError.
@@ -180,27 +181,33 @@ class History:
         return [record for record in self._resolves[1] if record.log == log.name]
 
     def attempts(self, serial: str) -> int:
-        """Return the number of runs of the unit; a resumed run counts once."""
+        """Return the number of runs of the unit, also without files; a resumed run counts once."""
         return self._query(lambda: self._index.attempts(serial))
 
     def failures(self, serial: str) -> int:
-        """Return the number of failures of the unit since it last passed; partial runs that passed do not count."""
-        runs = self._query(lambda: self._index.of_unit(serial, (Verdict.PASSED, Verdict.FAILED)))
+        """Return the number of failures of the unit since it last passed; partial runs that passed do not count.
+
+        Runs whose files are missing count, so that deleting files does not permit further attempts.
+        """
+        verdicts = Verdict.PASSED, Verdict.FAILED
+        runs = self._query(lambda: self._index.of_unit(serial, verdicts, missing=True))
         return sum(1 for _ in takewhile(lambda run: run.record.verdict is Verdict.FAILED, runs))
 
-    def previous(self, serial: str, before: str | None = None) -> Mapping[str, Parameter]:
-        """Return the unit's latest estimate of each parameter from runs started before `before` (ISO 8601)."""
-        return _latest(self._query(lambda: self._index.of_unit(serial, _SOLVED, before)))
+    def previous(
+        self, serial: str, product: str | None, before: str | None = None
+    ) -> tuple[Mapping[str, Parameter], str]:
+        """Return the unit's latest estimate of each parameter as this product, and when the latest of the runs started.
 
-    def previous_of_product(self, result: Result) -> tuple[Mapping[str, Parameter], str]:
-        """Return the unit's latest earlier estimates with the same product, and when the latest of them started."""
-        earlier = self._query(lambda: self._index.of_unit(result.serial, _SOLVED, result.started_utc))
-        runs = [run for run in earlier if run.record.product == result.product and run.values]
+        Runs as another product are omitted, because its parameters may be relative to other nominal values. `before` is
+        the exclusive upper limit of the start, ISO 8601.
+        """
+        earlier = self._query(lambda: self._index.of_unit(serial, _SOLVED, before, product=product))
+        runs = [run for run in earlier if run.values]
         return _latest(runs), runs[0].record.started_utc if runs else ""
 
-    def solved(self, serial: str, limit: int) -> list[IndexedRun]:
-        """Return the unit's solved runs with their values, at most the latest `limit`, the oldest first."""
-        return self._query(lambda: self._index.of_unit(serial, _SOLVED, limit=limit))[::-1]
+    def solved(self, serial: str, product: str | None, limit: int) -> list[IndexedRun]:
+        """Return the unit's solved runs as a product with values, at most the latest `limit`, the oldest first."""
+        return self._query(lambda: self._index.of_unit(serial, _SOLVED, limit=limit, product=product))[::-1]
 
     def _query(self, query: Callable[[], T]) -> T:
         result = query()
@@ -445,11 +452,12 @@ def count_shift(report: ProgressCallback, folder: Path, station: str, since: dat
 
     A run that began before the shift counts in it; it ends after its time on the table. Partial, stopped and
     faulty runs and runs of check standards are not counted, except partial runs that failed, on their own; a resumed
-    run is counted once. The units of a batch share its duration.
+    run is counted once. Runs whose files are missing are counted. The units of a batch share its duration.
     """
     history = History(folder)
     history.refresh()
-    conditions = RunFilter(station=station, since=f"{since.astimezone(UTC) - _LONGEST_RUN:%Y-%m-%dT%H:%M:%S}")
+    begin = f"{since.astimezone(UTC) - _LONGEST_RUN:%Y-%m-%dT%H:%M:%S}"
+    conditions = RunFilter(station=station, since=begin, missing=None)
     judged = [
         run
         for run in history.runs(conditions, limit=None)

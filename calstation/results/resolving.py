@@ -281,7 +281,7 @@ def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> Finis
     if runs.is_dir():
         history = History(runs)
         history.refresh()
-        previous, previous_utc = history.previous_of_product(result)
+        previous, previous_utc = history.previous(result.serial, result.product, result.started_utc)
     return FinishedRun(result, log, previous, _step_labels(log), previous_utc)
 
 

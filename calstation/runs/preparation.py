@@ -92,8 +92,8 @@ class PreparedRun:
         if checks is None or checks.previous is None:
             return meta, message
         mounting = group_indices("outer_lever") if self.slot else ()  # another slot has a different lever arm
-        previous = self.history.previous(serial).items()
-        values = {name: each.value for name, each in previous if name in INDEX and INDEX[name] not in mounting}
+        previous, _ = self.history.previous(serial, self.setup.product.name)
+        values = {name: each.value for name, each in previous.items() if name in INDEX and INDEX[name] not in mounting}
         return meta.model_copy(update={"previous": values}), message
 
     def _attempts(self) -> int:

@@ -6,15 +6,20 @@ from pathlib import Path
 
 import pytest
 from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QLabel
 from pytestqt.qtbot import QtBot
 
+from calstation.config import library
 from calstation.gui.history import HistoryPage
+from calstation.gui.quality import QualityPage
 from calstation.gui.text import language, say
 from calstation.records import LogMeta, RawLogWriter, RunFilter
 from calstation.results import History
 from tests.gui import test_history_page as base
+from tests.gui.conftest import Operator
 from tests.gui.test_history_lists import choose, combo
 from tests.gui.test_history_page import META, NOW, WAIT, button, listed_runs, rows, select_row, write_run
+from tests.gui.test_quality_page import click_tab
 
 pytestmark = pytest.mark.timeout(120)
 folder, page = base.folder, base.page
@@ -109,7 +114,7 @@ def test_run_without_files_stays_listed(page: HistoryPage, folder: Path, qtbot: 
     assert rows(page)[0] == ("SN-000001", say("badge.failed"))
 
 
-def test_run_without_files_counts_nowhere(folder: Path) -> None:
+def test_run_without_files_counts_only_as_an_attempt(folder: Path) -> None:
     path = write_run(folder, "SN-000001", "passed", timedelta(hours=1))
     history = History(folder)
     history.refresh()
@@ -119,7 +124,7 @@ def test_run_without_files_counts_nowhere(folder: Path) -> None:
     assert history.counts(RunFilter(missing=None)) == (1, 0)
     assert not history.of("SN-000001")
     assert not history.passed_units()
-    assert history.attempts("SN-000001") == 0
+    assert history.attempts("SN-000001") == 1
     assert not history.columns().names
 
 
@@ -138,3 +143,45 @@ def test_words_of_unit_and_product_differ(
     assert heading in headings
     assert combo(page, "product").itemText(0) == every
     assert say("history.runs_of_this_unit") == unit
+
+
+@pytest.mark.parametrize(
+    ("code", "caption"),
+    [("en", "This unit's runs as nav-a"), ("zh_CN", "该产品按型号“nav-a”的历次标定")],
+)
+def test_trend_contains_only_runs_as_the_product_of_the_run(
+    page: HistoryPage, folder: Path, qtbot: QtBot, code: str, caption: str
+) -> None:
+    for hours, product in ((3, "nav-a"), (2, "mems-c"), (1, "nav-a")):
+        write_run(folder, "SN-000001", "passed", timedelta(hours=hours), bias=0.1 * hours, product=product)
+    language.use(code)
+    listed_runs(page, qtbot)
+    select_row(page, 0, qtbot)
+    trend = page.details.trend
+    assert [run.record.product for run in trend._runs] == ["nav-a", "nav-a"]
+    assert trend.findChild(QLabel, "trend_label").text() == caption
+    select_row(page, 1, qtbot)
+    assert [run.record.product for run in trend._runs] == ["mems-c"]
+    language.use("en")
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [("en", "3 complete runs with PASS or FAIL; 1 of them with missing files"), ("zh_CN", "其中1次文件缺失")],
+)
+def test_yield_counts_a_failed_run_whose_files_were_deleted(operator: Operator, code: str, words: str) -> None:
+    folder = operator.site_folder.runs
+    folder.mkdir(exist_ok=True)
+    for hours in (2, 3):
+        write_run(folder, f"SN-{hours}", "passed", timedelta(hours=hours), product="Navigation grade A")
+    failed = write_run(folder, "SN-1", "failed", timedelta(hours=1), bias=9.0, product="Navigation grade A")
+    History(folder).refresh()
+    failed.unlink()
+    operator.window.app.set_product(library.find("products", "nav_a"))
+    language.use(code)
+    operator.window.show_page("quality_page")
+    page = operator.window.findChild(QualityPage, "quality_page")
+    click_tab(operator, say("quality.yield"))
+    operator.until(lambda: not page.busy and words in page.count_label.text())
+    assert "66.7 % (2/3)" in operator.widget("yield_overall_label", QLabel).text()
+    language.use("en")

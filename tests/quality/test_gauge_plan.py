@@ -41,6 +41,7 @@ def stored(order: list[Measurement], **changes: object) -> RunColumns:
         "started": np.array(started),
         "partial": np.zeros(n, dtype=bool),
         "check_standard": np.zeros(n, dtype=bool),
+        "missing": np.zeros(n, dtype=bool),
         "values": {"gyro_bias_x": np.array(values), "accel_bias_x": np.array([np.nan, *values[1:]])},
         **{name: {} for name in ("sigmas", "table")},
     }

@@ -61,6 +61,17 @@ def test_failed_latest_run_stops_production_even_if_its_values_agree(runs: Path)
     assert state(runs).problem is None
 
 
+def test_deleting_the_files_of_a_failed_run_does_not_permit_production(runs: Path) -> None:
+    path = store(runs, "second", 21, "failed")
+    assert state(runs).problem is not None
+    path.unlink()
+    found = state(runs)
+    assert found.problem is not None
+    assert found.problem.reason == "out"
+    store(runs, "third", 22, "passed").unlink()
+    assert state(runs).problem == found.problem, "a run without files does not show that the standard agrees"
+
+
 def test_run_with_a_start_time_in_the_future_is_ignored(runs: Path) -> None:
     store(runs, "second", 21, "failed")
     store(runs, "future", 1, "passed", started_utc="2036-11-22T08:00:00+00:00")

@@ -1,5 +1,6 @@
 """Yield is the fraction of passed runs, overall and for the first run of each unit."""
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -37,9 +38,18 @@ def columns(rows: list[tuple[int, str, str, bool, str | None, str | None, tuple[
         *(Categories.of(column) for column in (verdicts, products, stations, operators)),  # type: ignore[arg-type]
         partial=np.array(partial),
         check_standard=np.array([serial == "GOLD" for serial in serials]),
+        missing=np.zeros(len(rows), dtype=bool),
         failed_checks=Categories.of([tuple(CheckId("effects", subject) for subject in each) for each in failed]),
         **{name: {} for name in ("values", "sigmas", "table")},
     )
+
+
+def test_runs_without_files_count() -> None:
+    """Deleting the files of the runs that failed does not raise the yield."""
+    runs = columns(ROWS)
+    missing = runs.verdicts.isin(("failed",))
+    found, whole = count_yields(replace(runs, missing=missing)), count_yields(runs)
+    assert found == replace(whole, missing=3)
 
 
 def counts(found: object) -> dict[str, tuple[int, int]]:

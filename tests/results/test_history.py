@@ -15,7 +15,7 @@ from helpers import ignore_progress
 from calstation.errors import InputError
 from calstation.records import CheckId, IndexedRun, LogMeta, RawLogWriter, RunFilter, RunIndex, Verdict, acquire_lock
 from calstation.records.run_index import FILE
-from calstation.results import History, altered_entry, load_result, refresh_history
+from calstation.results import History, altered_entry, refresh_history
 from calstation.results import history as history_module
 from calstation.runs import find_resumable, recover_at_startup
 from tests.check_rows import check_row
@@ -124,8 +124,10 @@ def test_failures_are_counted_since_the_last_pass(three: Path) -> None:
     assert refreshed(three).failures("SN-1") == 2
 
 
-def previous_values(history: History, before: str | None = None) -> dict[str, float]:
-    return {name: each.value for name, each in history.previous("SN-1", before).items()}
+def previous_values(
+    history: History, before: str | None = None, product: str = "Navigation grade A"
+) -> dict[str, float]:
+    return {name: each.value for name, each in history.previous("SN-1", product, before)[0].items()}
 
 
 def test_previous_value_of_each_parameter_is_the_latest(three: Path) -> None:
@@ -135,17 +137,37 @@ def test_previous_value_of_each_parameter_is_the_latest(three: Path) -> None:
         "gyro_bias_x": 1.0,
         "gyro_bias_y": 5.0,
     }
-    assert history.previous("SN-9") == {}
+    assert history.previous("SN-9", "Navigation grade A") == ({}, "")
 
 
-def test_result_is_compared_with_earlier_runs_of_its_product(three: Path) -> None:
+def test_previous_values_are_those_of_the_same_product(three: Path) -> None:
     write(three, "d", "SN-1", "passed", 3, values={"gyro_bias_x": 9.0}, product="MEMS grade C")
-    path = write(three, "e", "SN-1", "passed", 4, values={"gyro_bias_x": 3.0})
-    found, started = refreshed(three).previous_of_product(load_result(path))
+    write(three, "e", "SN-1", "passed", 4, values={"gyro_bias_x": 3.0})
+    history = refreshed(three)
+    found, started = history.previous("SN-1", "Navigation grade A", "2026-11-04T08:00:00+00:00")
     assert {name: each.value for name, each in found.items()} == {"gyro_bias_x": 2.0, "gyro_bias_y": 5.0}
     assert started == "2026-11-02T08:00:00+00:00"
-    other = write(three, "f", "SN-1", "passed", 5, product="tactical")
-    assert refreshed(three).previous_of_product(load_result(other)) == ({}, "")
+    assert previous_values(history, product="MEMS grade C") == {"gyro_bias_x": 9.0}
+    assert history.previous("SN-1", "tactical") == ({}, "")
+    assert [run.name for run in history.solved("SN-1", "MEMS grade C", 30)] == ["d"]
+    assert "d" not in [run.name for run in history.solved("SN-1", "Navigation grade A", 30)]
+
+
+def test_runs_without_files_are_attempts_and_failures(three: Path) -> None:
+    """Deleting the files of failed runs permits no further attempts."""
+    for day in (4, 5):
+        write(three, f"n{day}", "SN-1", "failed", day)
+    history = refreshed(three)
+    assert (history.attempts("SN-1"), history.failures("SN-1")) == (4, 2)
+    for name in ("n4", "n5", "b"):
+        (three / f"{name}.json").unlink()
+    history = refreshed(three)
+    assert [run.badge for run in history.runs(RunFilter("SN-1", missing=True))] == ["missing"] * 3
+    assert (history.attempts("SN-1"), history.failures("SN-1")) == (4, 2)
+    passed = history.passed_before("SN-1")
+    assert passed is not None
+    assert passed.missing
+    assert [run.log.stem for run in history.of("SN-1")] == ["a"]
 
 
 def test_refresh_reads_only_changed_files(three: Path) -> None:

@@ -195,6 +195,8 @@ def _show_summary(console: Console, summary: QualitySummary, *, relative: bool) 
         show_line(console, say("quality.no_runs"))
     else:
         show_line(console, say("quality.yield_runs", share=_share_text(yields.overall)))
+    if yields.missing:
+        show_line(console, say("quality.yield_missing", count=yields.missing))
     if yields.units is not None:
         show_line(console, say("quality.yield_units", share=_share_text(yields.units)))
     if yields.first_pass is not None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QAbstractItemView, QFormLayout, QFrame, QSizePolicy, QWidget
+from PySide6.QtWidgets import QAbstractItemView, QFormLayout, QFrame, QWidget
 
 from calstation.database import is_archived
 from calstation.errors import CalstationError
@@ -88,17 +88,26 @@ class Trend(QWidget):
         self._combo = combo_box("trend_combo", fit=True, characters=18)
         self._combo.currentIndexChanged.connect(lambda _: self.draw())
         bind(self._combo.setAccessibleName, "common.parameter")
-        caption = label("history.runs_of_this_unit", buddy=self._combo)
-        caption.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        self._caption = ElidedLabel()
+        self._caption.setObjectName("trend_label")
+        self._caption.setBuddy(self._combo)
         self._plot = ThemedPlot()
         self._plot.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self._plot.getAxis("bottom").setHeight(6 * theme.GRID)  # the date and the time are on two lines
         bind(self._plot.setAccessibleName, "history.parameter_over_runs")
-        column(row((caption, 1), self._combo), (self._plot, 1), on=self, spacing=theme.GRID // 2)
+        column(row((self._caption, 1), self._combo), (self._plot, 1), on=self, spacing=theme.GRID // 2)
         theme.themes.changed.connect(self.draw)
+        on_language_change(self, self._show_caption)
+
+    def _show_caption(self) -> None:
+        product = self._runs[-1].record.product if self._runs else None
+        if product is None:
+            self._caption.setText(say("history.runs_of_this_unit"))
+        else:
+            self._caption.setText(say("history.runs_of_unit_as", product=product_text(product)))
 
     def show_runs(self, runs: Sequence[IndexedRun], selected: str, result: Result | None) -> None:
-        """Show the solved runs of a unit, the oldest first; `selected` is the name of the run with the result `result`.
+        """Show the solved runs of a unit as one product, the oldest first; `selected` is the run with `result`.
 
         If the run failed and the chosen parameter did not, the first parameter that failed is chosen.
         """
@@ -113,6 +122,7 @@ class Trend(QWidget):
         fill_combo(self._combo, [(parameter_text(name), name) for name in names], chosen)
         self.has_values = bool(names)
         self.setVisible(self.has_values)
+        self._show_caption()
         self.draw()
 
     def draw(self) -> None:

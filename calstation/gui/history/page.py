@@ -219,7 +219,7 @@ class HistoryPage(Page):
         run = self.table.run
         self.details.setVisible(run is not None)
         if run is not None:
-            result, unit_runs = self._result(run), self._history().solved(run.serial, MAX_TREND)
+            result, unit_runs = self._result(run), self._history().solved(run.serial, run.product, MAX_TREND)
             self.details.show_run(run, result, unit_runs, self._actions())
             try:
                 self.details.resolves.show_records(self._history().resolves(run.log), None)

@@ -269,8 +269,10 @@ class QualityPage(Page):
 
 
 def _count_text(yields: Yields) -> str:
-    """Return the number of runs of the statistics, and of partial runs that failed, which they do not include."""
+    """Return the number of runs of the statistics, of those without files, and of partial runs that failed."""
     count = 0 if yields.overall is None else yields.overall.count
-    if yields.partial_failed:
-        return say("chart.judged_and_partial", count=count, partial=yields.partial_failed)
-    return say("chart.judged_runs", count=count) if count else ""
+    if not (count or yields.partial_failed):
+        return ""
+    code = "chart.judged_and_partial" if yields.partial_failed else "chart.judged_runs"
+    missing = [say("chart.runs_missing", count=yields.missing)] if yields.missing else []
+    return say("quality.semicolon").join([say(code, count=count, partial=yields.partial_failed), *missing])
