@@ -33,7 +33,7 @@ from calstation.config.forms import (
     field_spec,
 )
 from calstation.config.library import locate, pair_folder, site_folder
-from calstation.config.pair import PairConfiguration, load_pair_configuration
+from calstation.config.pair import PairConfiguration, load_pair_configuration, require_one_temperature
 from calstation.config.product import (
     DEFAULT_PRODUCT,
     CheckStandardSection,

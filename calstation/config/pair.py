@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 from pydantic import JsonValue
 
 from calstation.config import library
-from calstation.config.product import in_file, schedule_values
+from calstation.config.product import ProductConfig, in_file, schedule_values
 from calstation.config.request import RunRequest
 from calstation.config.run_configuration import RunConfiguration, load_configuration
 from calstation.devices.profiles import load_imu_profile
+from calstation.errors import ConfigurationError
 from calstation.records import LogMeta
 from calstation.schema import EntryError, validate
 from procedures import method
@@ -44,9 +45,16 @@ class PairConfiguration:
         return validate(LogMeta, data, "configuration of the watch")
 
 
+def require_one_temperature(product: ProductConfig) -> None:
+    """Raise ConfigurationError if a product is calibrated over temperature, as units on one body cannot be."""
+    if "temperature" in product.stages:
+        raise ConfigurationError("temperature.not_watched", product=product.name)
+
+
 def load_pair_configuration(request: RunRequest) -> PairConfiguration:
     """Read and check the files of a request for a station with secondaries. Raises ConfigurationError."""
     primary = load_configuration(request)
+    require_one_temperature(primary.product)
     station, path = primary.station, primary.sources["station"].path
     with in_file(path):
         if not station.secondaries:

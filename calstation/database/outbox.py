@@ -20,7 +20,7 @@ from uuid import uuid4
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import Text
 from calstation.parsing import parse_json, read_json
-from calstation.records import ChainedFile, IndexedRun, RunIndex, Verdict, locked, to_columns, write_atomic
+from calstation.records import ChainedFile, IndexedRun, RunIndex, RunRecord, Verdict, locked, to_columns, write_atomic
 from calstation.results import History
 
 #: File name of the outbox's random name and location; the history ignores hidden files.
@@ -125,7 +125,9 @@ class Outbox:
         """Yield pages of the messages to send after `refresh`: first the runs, then the log copies of sent runs."""
         while names := self._to_send[:_MAX_MESSAGES]:
             runs = {run.name: run for run in self.index.runs_by_name(names)}
-            yield [self._run_message(runs[name]) for name in names if name in runs]
+            messages = [(runs[name].record, self._run_message(runs[name])) for name in names if name in runs]
+            # files may be removed after `refresh`; the run is sent when they are restored
+            yield [message for record, message in messages if not record.missing and _has_files(record)]
             self._to_send = self._to_send[_MAX_MESSAGES:]
         stamps = self._stamps()
         try:
@@ -267,6 +269,11 @@ def _location(folder: Path) -> tuple[str, str]:
 def _file_time(stamp: str) -> int:
     """Return the time of change, ns, in a stamp of `RunIndex`."""
     return int(stamp.removeprefix("log ").split()[0])
+
+
+def _has_files(record: RunRecord) -> bool:
+    """Return whether the log or the result file of a run exists."""
+    return any(path is not None and path.exists() for path in (record.log, record.result))
 
 
 def _result_text(run: IndexedRun, history: History) -> str | None:

@@ -273,8 +273,9 @@ class RunContext:
     def emit(self, event: Event) -> None:
         """Pass an event to the listener and, unless it only refreshes a display, to the logs of the units concerned.
 
-        Raises ConfigurationError if the log of the last unit cannot be written.
+        Raises ConfigurationError if the log of the last unit cannot be written; the listener receives the event first.
         """
+        failure: CalstationError | None = None
         if not isinstance(event, LOSSY):
             entry = {**times(self.clock.now()), **to_json(event)}
             active = [slot for slot in self.slots if slot.name not in self.inactive]
@@ -284,6 +285,9 @@ class RunContext:
                         slot.log.event(entry)
                     except CalstationError as error:
                         if len(active) == 1:
-                            raise
-                        self.log_errors[slot.name] = error
+                            failure = error
+                        else:
+                            self.log_errors[slot.name] = error
         self.listener(event)
+        if failure is not None:
+            raise failure

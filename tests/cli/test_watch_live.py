@@ -56,6 +56,12 @@ def test_station_without_a_second_imu_or_with_a_numbering_gap_is_refused(calstat
     assert calstation("watch").code == 2
 
 
+def test_product_over_temperature_is_refused_at_the_start(calstation: Run, tmp_path: Path) -> None:
+    done = calstation("watch", "--station", station(tmp_path), "--product", "nav_a_thermal", "--seconds", 1)
+    assert done.code == 2
+    assert "is calibrated over temperature, but IMUs on one body are compared at one temperature" in done.err
+
+
 def test_primary_accepts_only_a_fixed_threshold(calstation: Run, tmp_path: Path) -> None:
     path = station(tmp_path, primary_gyro={"fixed": 1e-4, "ratio": 2.0})
     done = calstation("watch", "--station", path, "--seconds", 1)

@@ -89,6 +89,35 @@ def test_runs_are_sent_although_the_heads_of_trails_are_refused(url: str, statio
     assert [row[0] for row in in_index(two)] == ["a"]
 
 
+def test_run_whose_files_are_removed_during_an_exchange_is_sent_when_they_are_restored(
+    url: str, stations: tuple[Path, Path]
+) -> None:
+    one, _ = stations
+    noticed, unnoticed = (write_result(one, name, number) for number, name in enumerate("ab"))
+    write_result(one, "c", 2)
+    exchanged = Exchange(one, url, "one")
+    outbox = exchanged.outbox
+    assert outbox.refresh()
+    kept = {path: path.with_suffix(".kept") for path in (noticed, unnoticed)}
+    noticed.rename(kept[noticed])
+    History(one).refresh()
+    unnoticed.rename(kept[unnoticed])
+    assert [message.columns["name"] for page in outbox.pages() for message in page] == ["c"]
+    exchanged.exchange()
+    assert in_database(url) == [("c", "one")]
+    for path, copy in kept.items():
+        copy.rename(path)
+    exchanged.exchange()
+    exchanged.close()
+    assert sorted(in_database(url)) == [(name, "one") for name in "abc"]
+    engine = create_engine(url)
+    with engine.connect() as connection:
+        assert all(connection.execute(select(runs.c.result)).scalars())
+        assert not any(
+            json.loads(content)["missing"] for content in connection.execute(select(runs.c.content)).scalars()
+        )
+
+
 def test_a_changed_result_replaces_the_run(url: str, stations: tuple[Path, Path]) -> None:
     one, two = stations
     write_result(one, "a", 1, outcome="failed")

@@ -460,6 +460,24 @@ def test_live_watch_uses_the_selected_product(
     assert window.app.run.display_state == "not_ready"
 
 
+@pytest.mark.parametrize(("code", "words"), [("en", "calibrated over temperature"), ("zh_CN", "在温度范围内标定")])
+def test_imu_pair_of_a_product_over_temperature_is_refused_at_the_start(
+    window: MainWindow, qtbot: QtBot, code: str, words: str
+) -> None:
+    language.use(code)
+    view = pair_live.PairLiveView(window.app)
+    qtbot.addWidget(view)
+    window.app.set_station(library.find("stations", "virtual_pair"))
+    window.app.set_product(library.find("products", "nav_a_thermal"))
+    assert not view.start_button.isEnabled()
+    assert words in view.start_button.toolTip()
+    qtbot.mouseClick(view.start_button, Qt.MouseButton.LeftButton)
+    assert not view.watching
+    window.app.set_product(library.find("products", "nav_a"))
+    assert view.start_button.isEnabled()
+    language.use("en")
+
+
 @pytest.mark.long
 def test_live_imu_pair_is_monitored_and_checked_on_a_button_press(
     select_method: Callable[[str], MethodPanel], window: MainWindow, qtbot: QtBot, tmp_path: Path

@@ -636,3 +636,21 @@ def test_implausible_gyro_rate_is_reported_before_any_rotation() -> None:
     (fault,) = scene.events_of(Fault)
     assert (fault.code, fault.values["axis"]) == ("preflight.gyro_rate", "y")
     assert not scene.events_of(StageStarted)
+
+
+def test_event_whose_log_entry_cannot_be_written_reaches_the_listener(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The log fails once, with the first rest; the window shows this step nevertheless, and then the fault."""
+    scene, failed = Scene(), list[dict[str, object]]()
+    event = scene.journal.event
+
+    def fail_once(entry: dict[str, object]) -> None:
+        if entry.get("kind") == "dwell" and entry.get("stage") and not failed:
+            failed.append(entry)
+            raise ConfigurationError("log.not_written", file="a.h5", reason="")
+        event(entry)
+
+    monkeypatch.setattr(scene.journal, "event", fail_once)
+    ended = scene.run()
+    assert (ended.state, code(ended)) == (State.FAULT, "log.not_written")
+    assert [step.kind for step in scene.events_of(StepStarted) if step.stage][-1] == "dwell"
+    assert states(scene)[-1] == "fault"

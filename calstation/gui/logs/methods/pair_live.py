@@ -3,7 +3,7 @@
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QWidget
 
-from calstation.config import RunRequest, load_station
+from calstation.config import RunRequest, load_product, load_station, require_one_temperature
 from calstation.connection import PairProcess, PairStatus
 from calstation.errors import CalstationError
 from calstation.gui.logs.methods.pair_parts import CheckBar, CheckBars, Timeline
@@ -55,6 +55,7 @@ class PairLiveView(QWidget):
         head = row(self.badge, None, self.check_button, self.start_button, spacing=theme.GRID)
         column(head, self._explanation, self._failure, self._status, None, on=self, margins=(0, theme.GRID, 0, 0))
         app.station_changed.connect(self._refresh)
+        app.product_changed.connect(self._refresh)
         app.engine_link.running_changed.connect(self._refresh)
         app.windows.changed.connect(self._refresh)
         app.closing.connect(self.close_watch)
@@ -156,6 +157,10 @@ class PairLiveView(QWidget):
             return say(error.as_text)
         if not station.secondaries:
             return say("logs.one_imu")
+        try:
+            require_one_temperature(load_product(self._app.product_path)[1])
+        except CalstationError as error:
+            return say(error.as_text)
         return ""
 
     def _state(self) -> tuple[str, Text]:
