@@ -202,7 +202,7 @@ class _Designer:
         solution, undetermined, hidden = self._trial.solve(moves[:planned])
         consistency, latitude = solution.consistency, solution.latitude
         duration = float(times[planned - 1][0])
-        front = self._complete_front(duration).points()
+        front = self._complete_front(duration, float((solution.posterior.sigma / self._limits).max())).points()
         targets = {name: float(s) for name, s in zip(NAMES, goal, strict=True) if np.isfinite(s)}
         return Design(
             moves=moves,
@@ -338,20 +338,19 @@ class _Designer:
         """Return the largest ratio of a sigma to its limit after a schedule."""
         return problem.margin * float(problem.ratios(states(self._library, stops)[-1][None])[0, :COUNT].max())
 
-    def _complete_front(self, duration: float) -> Front:
-        """Return the front of complete schedules, of which none reaches the limits before the `duration` of the result.
+    def _complete_front(self, duration: float, worst: float) -> Front:
+        """Return the front of complete schedules, of which none is better than the result with this duration and ratio.
 
         A beam adds schedules without the long rests of the gravity check, whose sigmas differ slightly from those of
-        the filter, so that some seem to reach the limits earlier.
+        the filter, so that some seem to reach the limits earlier, or smaller ratios in the same time.
         """
-        if self._request.duration is not None:
-            return self._front
         problem, front = self._problem(), Front()
         for _, _, stops in self._front.points():
             complete = problem.with_long_rests(stops)
-            seconds, worst = self._duration(complete), self._worst(problem, complete)
-            if seconds >= duration or worst > self._margin:
-                front.add(seconds, worst, complete)
+            seconds, ratio = self._duration(complete), self._worst(problem, complete)
+            earlier = seconds < duration and ratio <= self._margin and self._request.duration is None
+            if not earlier and (seconds > duration or ratio >= worst):
+                front.add(seconds, ratio, complete)
         return front
 
     @property

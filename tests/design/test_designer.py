@@ -1,5 +1,6 @@
 """The designer finds schedules that meet the limits and run on the virtual bench, and refuses unreachable limits."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -53,11 +54,14 @@ def test_designed_schedule_meets_the_limits_with_margin_under_all_conditions(mem
 def test_front_of_a_search_contains_complete_schedules(monkeypatch):
     designer = _Designer(ignore, DesignRequest(product=library.find("products", "mems_c"), time_limit=1.0))
     designer._front.add(5.0, 0.7, (Stop((0, 0), 3), Stop((1, 0), 1)))
-    ((seconds, worst, _),) = designer._complete_front(100.0).points()
+    ((seconds, worst, _),) = designer._complete_front(100.0, 0.79).points()
     assert seconds > 10.0, "with the long rests of the gravity check"
     assert worst > designer._margin
     monkeypatch.setattr(designer, "_worst", lambda *_: 0.7)
-    assert designer._complete_front(100.0).points() == [], "it would seem to reach the limits earlier"
+    assert designer._complete_front(100.0, 0.6).points() == [], "it would seem to reach the limits earlier"
+    designer._request = replace(designer._request, duration=100.0)
+    assert designer._complete_front(100.0, 0.75).points() == [], "it would seem better in the same time"
+    assert len(designer._complete_front(100.0, 0.65).points()) == 1
 
 
 def test_json_uses_the_names_of_the_public_interface(mems):
