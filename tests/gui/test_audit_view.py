@@ -134,24 +134,33 @@ def test_a_changed_line_is_found_by_verification(page: HistoryPage, trail: Path,
 
 
 @pytest.mark.parametrize(
-    ("code", "agreeing", "missing", "changed"),
+    ("code", "agreeing", "missing", "changed", "warning"),
     [
         (
             "en",
             "agree with the audit trail: 1.",
             "not found, and so not compared: 1 (N-3.pdf).",
             "issued as certificate N-2",
+            ": 0 faults, 1 warning.",
         ),
         (
             "zh_CN",
             "与审计记录一致的证书文件：1 个。",
             "未找到、因此未比对的证书文件：1 个（N-3.pdf）。",
             "证书 N-2 签发的文件",
+            "0 处问题，1 处警告。",
         ),
     ],
 )
 def test_files_of_certificates_are_compared_with_the_trail(
-    page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot, code: str, agreeing: str, missing: str, changed: str
+    page: HistoryPage,
+    site_folder: SiteFolder,
+    qtbot: QtBot,
+    code: str,
+    agreeing: str,
+    missing: str,
+    changed: str,
+    warning: str,
 ) -> None:
     runs = page.app.runs_folder.absolute()
     folder = runs.parent / "certificates"
@@ -171,6 +180,7 @@ def test_files_of_certificates_are_compared_with_the_trail(
     assert missing in cautions.text()
     assert page.audit._icon._kind == "caution", "no tick, because one file was not compared"
     assert missing not in state.text()
+    assert warning in state.text()
     with (folder / "N-2.pdf").open("ab") as file:
         file.write(b" ")
     qtbot.mouseClick(button(page, "audit_verify_button"), Qt.MouseButton.LeftButton)

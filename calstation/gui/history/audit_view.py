@@ -136,7 +136,9 @@ class AuditView(JobView):
         others = () if trail is None else tuple(each for each in trail.state if each not in (*faults, *cautions))
         show_text(self._faults, "\n".join(map(say, faults)))
         show_text(self._cautions, "\n".join(map(say, cautions)))
-        verified = [say("history.audit_verified", time=self._verified, count=len(faults))] if trail is not None else []
+        code = "history.audit_verified_warning" if cautions else "history.audit_verified"
+        counts = {"count": len(faults), "cautions": len(cautions)}
+        verified = [say(code, time=self._verified, **counts)] if trail is not None else []
         self._state.setText("\n".join([*verified, *map(say, others)]))
         self._refresh()
 
