@@ -147,7 +147,7 @@ def test_words_of_unit_and_product_differ(
 
 @pytest.mark.parametrize(
     ("code", "caption"),
-    [("en", "This unit's runs as nav-a"), ("zh_CN", "该产品按型号“nav-a”的历次标定")],
+    [("en", "Unit's runs as nav-a"), ("zh_CN", "按“nav-a”的历次标定")],
 )
 def test_trend_contains_only_runs_as_the_product_of_the_run(
     page: HistoryPage, folder: Path, qtbot: QtBot, code: str, caption: str
