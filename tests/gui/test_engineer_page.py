@@ -771,8 +771,14 @@ def test_result_names_its_product_and_the_run_with_which_it_is_compared(
     assert compared in engineer.says()
     assert badge.isVisible()
     assert other in badge.text()
+    engineer.page.analysis._loaded(finished_run(found, product=10 * "long name ", unit={"serial": "SN-000009"}))
+    engineer.type("engineer_serial_edit", "SN-000007")
+    assert "  ·  " in badge.text()
+    page_width = engineer.page.minimumSizeHint().width()
     engineer.page.analysis._loaded(finished_run(found, product=engineer.page._options.name))
+    engineer.type("engineer_serial_edit", engineer.page.analysis.serial)
     assert not badge.isVisible()
+    assert engineer.page.minimumSizeHint().width() == page_width, "the sentences take two lines"
 
 
 @pytest.mark.parametrize(

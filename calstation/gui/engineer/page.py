@@ -99,7 +99,7 @@ class EngineerPage(Page):
         self._tabs.setTabVisible(self._views.indexOf(self._live), False)
         self._source = ElidedLabel("muted")
         self._source.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-        self._other_unit = StateBadge(name="other_unit_badge")
+        self._other_unit = StateBadge(name="other_unit_badge", wrap=True)
         open_button = button("open_result_button", "common.open", self._ask_file, tip="engineer.open_tip")
         self.choice.setFixedWidth(_PANEL_WIDTH)
         tabs = row(self._tabs, (self._source, 1), open_button)

@@ -155,15 +155,17 @@ class StateIcon(QWidget):
 
 
 class StateBadge(QWidget):
-    """The symbol and the word of a state, side by side."""
+    """The symbol and the word of a state, side by side; words that `wrap` take several lines if necessary."""
 
-    def __init__(self, size: int = theme.BODY, name: str = "") -> None:
+    def __init__(self, size: int = theme.BODY, name: str = "", *, wrap: bool = False) -> None:
         super().__init__()
         self.setObjectName(name)
         self._icon, self._word = StateIcon(), PlainLabel()
+        self._word.setWordWrap(wrap)
         self.set_size(size)
-        row(self._icon, self._word, on=self)
-        self.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
+        row(self._icon, (self._word, 1 if wrap else 0), on=self)
+        if not wrap:
+            self.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
 
     def show_state(self, kind: str, word: str) -> None:
         """Show a state by its kind and word."""
