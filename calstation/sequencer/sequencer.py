@@ -16,13 +16,11 @@ from calstation.sequencer.driving import POLL, RunDriver
 from calstation.sequencer.events import Message, PointCompleted, StageEnded, StageRanked, StageStarted, solution_events
 from calstation.sequencer.guard import check_limits, check_travel
 from calstation.sequencer.plan import StagePlan, StageTracker, plan_time, planned, step_time
+from calstation.sequencer.soaking import verification_temperature
 from calstation.sequencer.units import Unit
 
 if TYPE_CHECKING:
     from calstation.records import RawLogWriter
-
-#: Smallest difference of the temperature at which registers are verified from the last one of a stage, K.
-_OTHER = 10.0
 
 _Result = TypeVar("_Result")
 
@@ -136,12 +134,10 @@ class Sequencer:
         soaks = [step for stage in self._context.task.stages for step in stage.steps() if isinstance(step, Soak)]
         if not soaks:
             return
-        last, ambient = soaks[-1], limits.ambient
-        others = [t for t in (ambient, *(s.temperature for s in soaks)) if abs(t - last.temperature) >= _OTHER]
-        nearest = min(others, key=lambda t: abs(t - ambient), default=ambient)
+        temperature = verification_temperature([soak.temperature for soak in soaks], limits.ambient)
         self._context.control.ending_stage = False
         self._drive.runner.begin_stage()
-        self._drive.runner.run(replace(last, temperature=nearest, index=0))
+        self._drive.runner.run(replace(soaks[-1], temperature=temperature, index=0))
 
     def _complete(self, units: Iterable[Unit]) -> None:
         """Remove complete units, so that later faults do not change their results."""

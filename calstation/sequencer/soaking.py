@@ -3,7 +3,7 @@
 import logging
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -20,7 +20,26 @@ _MIN_COUNT = 10
 #: Largest number of temperatures in a track; several readings are averaged to one.
 _MAX_COUNT = 200
 
+#: Smallest difference of the temperature at which registers are verified from the last one of a stage, K, and the
+#: difference of one that is no set point of the stage, with which terms of higher order matter.
+_LEAST_OTHER, _OTHER = 10.0, 20.0
+
 logger = logging.getLogger(__name__)
+
+
+def verification_temperature(visited: Sequence[float], ambient: float) -> float:
+    """Return the temperature nearest to ambient at which registers are verified, °C.
+
+    It differs from the last temperature, and is a set point, between set points, or ambient.
+
+    Parameters
+    ----------
+    visited : set points of a stage, °C, in order
+    ambient : temperature to which the chamber returns, °C
+    """
+    between = (t for t in (visited[-1] - _OTHER, visited[-1] + _OTHER) if min(visited) < t < max(visited))
+    others = [t for t in (ambient, *visited, *between) if abs(t - visited[-1]) >= _LEAST_OTHER]
+    return min(others, key=lambda t: abs(t - ambient), default=ambient)
 
 
 class TemperatureTrack:

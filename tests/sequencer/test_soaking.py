@@ -27,6 +27,7 @@ from calstation.sequencer import (
     StopRule,
 )
 from calstation.sequencer.events import from_json, to_json
+from calstation.sequencer.soaking import verification_temperature
 from procedures.temperature import Schedule, plan
 from tests.helpers import raises_code
 from tests.sequencer.fake_chamber import FakeChamber
@@ -49,6 +50,18 @@ def stage(points: list[float], soak: Any = None, ramp: float | None = None) -> S
         acceleration_dps2=50.0,
     )
     return StagePlan("temperature", lambda: plan(GEOMETRY, schedule), StopRule(rounds=len(points), repeated=True))
+
+
+@pytest.mark.parametrize(
+    ("visited", "temperature"),
+    [([26.0, 18.0, 34.0], 23.0), ([21.0, -44.0, 81.0, 21.0], 41.0), ([25.0, 85.0, 25.0], 45.0), ([25.0, 30.0], 23.0)],
+    ids=["ambient", "between", "not below all", "no other one"],
+)
+def test_registers_are_verified_near_ambient_but_not_at_the_last_temperature(
+    visited: list[float], temperature: float
+) -> None:
+    """The chamber returns to ambient afterwards, and a way over the whole range takes half an hour."""
+    assert verification_temperature(visited, 23.0) == temperature
 
 
 class Thermal(Scene):
