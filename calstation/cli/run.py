@@ -102,7 +102,7 @@ def _ask_questions(request: RunRequest, answers: Mapping[str, str | None], confi
     if request.out.is_dir():
         History(request.out).refresh()
     has_options = request.stages is not None or request.seed is not None
-    if has_options and request.resume is not None:
+    if (has_options and request.resume is not None) or (request.serials and request.resumes):
         raise ConfigurationError("cli.resume_options")
     start = RunStart(request, "engineer")
     while (question := start.next_question()) is not None:
@@ -247,11 +247,12 @@ def _show_run(run: Finalized, json: str | None, request: RunRequest) -> None:
     if Path(run.result_file).exists():
         show_line(console, say("cli.result_file", file=run.result_file))
     if result.advice == "resume":
-        show_line(console, _resume_hint(run, request))
+        show_line(console, _resume_hint([run], request))
 
 
-def _resume_hint(run: Finalized, request: RunRequest) -> str:
-    command = shlex.join(["calstation", "run", "--resume", run.log])
+def _resume_hint(runs: Sequence[Finalized], request: RunRequest) -> str:
+    logs = (option for run in runs for option in ("--resume", run.log))
+    command = shlex.join(["calstation", "run", *logs])
     options = station_options(request.station, request.product)
     return say("cli.to_resume", command=f"{command} {options}".rstrip())
 
@@ -272,9 +273,9 @@ def _show_batch(runs: Sequence[Finalized], json: str | None, request: RunRequest
     longest = max((result.cycle_seconds for result in results), key=lambda cycle: sum(cycle.values()))
     if longest:
         show_line(console, _cycle_line(longest))
-    for run, result in zip(runs, results, strict=True):
-        if result.advice == "resume":
-            show_line(console, _resume_hint(run, request))
+    resumable = [run for run, result in zip(runs, results, strict=True) if result.advice == "resume"]
+    if resumable:
+        show_line(console, _resume_hint(resumable, request))
     for folder in {str(Path(run.result_file).parent) for run in runs}:
         show_line(console, say("cli.run_folder", folder=folder))
 

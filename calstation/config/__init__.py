@@ -51,6 +51,7 @@ from calstation.config.run_configuration import (
     new_batch_id,
     prepare_batch,
     prepare_run,
+    prepare_units,
     unit_files,
     unit_requests,
 )

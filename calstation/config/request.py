@@ -49,8 +49,10 @@ class RunRequest:
     #: Method parameters that replace the product's, by stage.
     schedule: Mapping[str, Mapping[str, Any]] | None = None
     #: Log of an incomplete run that is resumed after its last completed stage, with its stages, schedule, seed and
-    #: folder.
+    #: folder; for a batch that of its first unit.
     resume: Path | None = None
+    #: Logs of all units of a batch that is resumed, in the order of their slots; () for a single unit.
+    resumes: tuple[Path, ...] = ()
     beyond_attempts: bool = False  #: Whether an engineer permits a run although the unit has used all its attempts.
     #: Reason why an engineer permits a run despite a failed or overdue check standard or certificate, or None.
     override_standard: str | None = None

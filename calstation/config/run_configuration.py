@@ -1,7 +1,7 @@
 """The configuration of a run or a batch, which is read and checked completely before a device is opened."""
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -380,8 +380,6 @@ def unit_requests(request: RunRequest) -> tuple[RunRequest, ...]:
     for number, serial in enumerate(serials):
         if serial in serials[:number]:
             raise ConfigurationError("batch.serial_twice", serial=serial)
-    if request.resume is not None and len(serials) > 1:
-        raise ConfigurationError("batch.resume")
     batch = request.batch or new_batch_id()
     slots = tuple(name for name, _ in occupied)
     common = replace(request, serials=(), batch=batch, batch_units=tuple(serials), batch_slots=slots)
@@ -389,15 +387,20 @@ def unit_requests(request: RunRequest) -> tuple[RunRequest, ...]:
 
 
 def prepare_batch(request: RunRequest, adjust: Adjustment = lambda setup: setup) -> tuple[RunConfiguration, ...]:
-    """Return the configuration of each unit of a run, checked as by `prepare_run`.
+    """Return the configuration of each unit of a run, see `prepare_units`."""
+    return prepare_units(unit_requests(request), adjust)
+
+
+def prepare_units(requests: Sequence[RunRequest], adjust: Adjustment) -> tuple[RunConfiguration, ...]:
+    """Return the configuration for the request of each unit on the table, checked as by `prepare_run`.
 
     Files, station and plans are read and checked once for all units whose slots differ only in name and port. Raises
     ConfigurationError, also if the units cannot be on one table or have different plans.
     """
-    path, station = load_station(request.station)
+    path, station = load_station(requests[0].station)
     by_slot: dict[str, RunConfiguration] = {}
     setups = []
-    for unit in unit_requests(request):
+    for unit in requests:
         with in_file(path):
             unit_station = at_slot(station, unit.slot)
         settings = unit_station.imu.model_dump_json(exclude={"name", "port"})

@@ -97,7 +97,7 @@ from calstation.records.raw_read import (
     END_FAILING,
     being_written,
     can_be_resumed,
-    completed_point,
+    completed_points,
     last_result,
     raw_rows,
     solved_stages,

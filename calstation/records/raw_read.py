@@ -99,10 +99,9 @@ def solved_stages(events: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
     return tuple(event["stage"] for event in events if event.get("event") == "StageSolved")
 
 
-def completed_point(events: Iterable[Mapping[str, Any]], stage: str) -> Mapping[str, Any] | None:
-    """Return the event of the last temperature of a stage that was completed; None if there is none."""
-    points = [event for event in events if event.get("event") == "PointCompleted" and event["stage"] == stage]
-    return points[-1] if points else None
+def completed_points(events: Iterable[Mapping[str, Any]], stage: str) -> dict[int, Mapping[str, Any]]:
+    """Return the events of the temperatures of a stage that were completed, by the number of the temperature."""
+    return {e["index"]: e for e in events if e.get("event") == "PointCompleted" and e["stage"] == stage}
 
 
 def can_be_resumed(events: Iterable[Mapping[str, Any]]) -> bool:

@@ -1,6 +1,6 @@
 """Incomplete runs: results of runs whose process died, and closing of runs that will not be resumed."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -111,11 +111,11 @@ def _store(log: Log, result: Mapping[str, Any]) -> None:
     write_json(log.path.with_suffix(".json"), result)
 
 
-def close_incomplete_job(progress: ProgressCallback, log: Path, operator: str | None) -> Path:
-    """Job: close a run that will not be resumed, and return its result file."""
-    result = close_incomplete(log, operator)
+def close_incomplete_job(progress: ProgressCallback, logs: Sequence[Path], operator: str | None) -> list[Path]:
+    """Job: close runs that will not be resumed, and return their result files."""
+    results = [close_incomplete(log, operator) for log in logs]
     progress(1.0)
-    return result
+    return results
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,9 @@ from calstation.config import (
     confirmation_required,
     load_station,
     new_batch_id,
-    prepare_batch,
+    prepare_units,
     site_folder,
+    unit_requests,
 )
 from calstation.errors import ConfigurationError
 from calstation.escaping import for_file_name
@@ -196,14 +198,14 @@ def prepare(
     control : commands to the run
     hooks : replaces the hooks of the station
     """
-    cycle, continuation = Cycle(), None
-    if request.resume is not None:
-        continuation = Continuation.of(request, request.resume)
-        request = continuation.request
+    cycle, continuations = Cycle(), Continuation.of_all(request)
+    if continuations:
+        request = continuations[0].request
     elif request.serials and request.batch is None:
         request = replace(request, batch=new_batch_id())
     run_hooks = station_hooks(load_station(request.station)[1]) if hooks is None else hooks()
-    setups = prepare_batch(request, run_hooks.adjust)
+    requests = tuple(continuation.request for continuation in continuations) or unit_requests(request)
+    setups = prepare_units(requests, run_hooks.adjust)
     _check_folder(request.out)
     for log in finish_incomplete(request.out):
         emit(Message("incomplete_run", {"log": str(log)}))
@@ -222,7 +224,8 @@ def prepare(
         hook_listener(event)
 
     units = tuple(
-        PreparedRun(setup, history, listener, control, run_hooks, continuation, started, cycle) for setup in permitted
+        PreparedRun(setup, history, listener, control, run_hooks, continuation, started, cycle)
+        for setup, continuation in zip_longest(permitted, continuations)
     )
     for unit in units:
         meta, _ = unit.meta(None)  # raises if a run cannot be resumed unchanged

@@ -3,17 +3,15 @@
 The same chain solves these stages again with bit-identical results, so that posteriors need not be stored.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from calstation.config import RunRequest, StationConfig, load_station
+from calstation.config import RunRequest, StationConfig, load_station, unit_requests
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.estimation import Solution
 from calstation.estimation.common import SampleBlock
-from calstation.jobs import ProgressCallback
 from calstation.judgement import latitude_agrees
 from calstation.parsing import parse_toml
 from calstation.records import (
@@ -21,12 +19,11 @@ from calstation.records import (
     Log,
     LogMeta,
     RawLogWriter,
-    RunFilter,
     RunRecord,
     Verdict,
     being_written,
     can_be_resumed,
-    completed_point,
+    completed_points,
     open_log,
     solved_stages,
 )
@@ -34,18 +31,64 @@ from calstation.results import History, StageChain, stored_result
 from calstation.sequencer import LastSample, PointCompleted, solution_events, to_json
 from procedures import method
 
-#: Maximum number of runs offered, the latest ones.
-_MAX_OFFERED = 20
-
 #: Outcomes of logs that cannot be resumed.
 _ENDED = ("passed", "failed", "imported")
 
 
 @dataclass(frozen=True)
-class Resumable:
-    """A run that can be resumed after its stages `finished`.
+class Completed:
+    """What need not be repeated of a run: its finished `stages`, and the numbers of completed temperatures by stage."""
 
-    `why` is the reason for the stop or the error; it is "" if the process died.
+    planned: tuple[str, ...]
+    stages: tuple[str, ...]
+    temperatures: Mapping[str, frozenset[int]]
+
+    @classmethod
+    def of(cls, log: Log) -> "Completed":
+        """Return what was completed in a log. Raises ConfigurationError if the run cannot be resumed."""
+        planned = _run_stages(log)
+        temperatures = {stage: frozenset(completed_points(log.events, stage)) for stage in planned}
+        return cls(planned, _finished_stages(log), temperatures)
+
+    @property
+    def stage(self) -> str:
+        """The stage after the finished ones, or ""."""
+        return (*self.planned[len(self.stages) :], "")[0]
+
+    @property
+    def points(self) -> int:
+        """Number of the last completed temperature of this stage; 0 if there is none."""
+        return max(self.temperatures.get(self.stage, ()), default=0)
+
+    @property
+    def amount(self) -> tuple[int, int]:
+        """Numbers of finished stages and of completed temperatures, by which runs with the same plan are compared."""
+        return len(self.stages), self.points
+
+    def is_near(self, further: "Completed") -> bool:
+        """Return whether a run that ended with another one has at most one stage or temperature less.
+
+        The units of a batch complete a stage or a temperature one after the other.
+        """
+        if len(further.stages) == len(self.stages):
+            return further.points - self.points <= 1
+        last = max(further.temperatures.get(self.stage, ()), default=0)
+        return len(further.stages) - len(self.stages) == 1 and not further.points and last - self.points <= 1
+
+
+def completed_by_all(runs: Sequence[Completed]) -> Completed:
+    """Return what all of these runs with the same plan have completed, after which they can be resumed together."""
+    least = min(runs, key=lambda run: run.amount)
+    common = frozenset.intersection(*(run.temperatures.get(least.stage, frozenset()) for run in runs))
+    return replace(least, temperatures={**least.temperatures, least.stage: common})
+
+
+@dataclass(frozen=True)
+class Resumable:
+    """A run that can be resumed after what it has completed.
+
+    `why` is the reason for the stop or the error; it is "" if the process died. `batch_units` are the serial numbers
+    of all units of its batch.
     """
 
     serial: str
@@ -55,42 +98,37 @@ class Resumable:
     product: str | None
     station: str | None
     operator: str | None
-    stages: tuple[str, ...]
-    finished: tuple[str, ...]
+    completed: Completed
     verdict: Verdict
     why: str
+    batch: str | None = None
+    slot: str | None = None
+    batch_units: tuple[str, ...] = ()
 
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """All stages of the run."""
+        return self.completed.planned
 
-def find_resumable(progress: ProgressCallback, folder: Path, station: str | None = None) -> list[Resumable]:
-    """Job: find the runs in a folder that a station, or any, can resume, and return them with the latest first.
-
-    At most one run per unit is returned, and no run that is older than the last verdict on the unit.
-    """
-    history = History(folder)
-    history.refresh()
-    runs: list[Resumable] = []
-    serials: set[str] = set()
-    filters = [RunFilter(verdict=verdict) for verdict in Verdict if not verdict.judged]
-    records = [run for run_filter in filters for run in history.runs(run_filter) if run.stages or run.resumable]
-    for record in sorted(records, key=lambda r: r.started_utc, reverse=True):
-        if record.serial in serials:
-            continue
-        serials.add(record.serial)
-        run = _best_run(history.of(record.serial), station)
-        if run is not None:
-            runs.append(run)
-        if len(runs) == _MAX_OFFERED:
-            break
-    return runs
+    @property
+    def finished(self) -> tuple[str, ...]:
+        """The stages that need not be repeated."""
+        return self.completed.stages
 
 
 def resumable_run(folder: Path, serial: str, station: str) -> Resumable | None:
     """Return the run of a unit that a station can resume according to the index of a folder of runs, or None."""
-    return _best_run(History(folder).of(serial), station)
+    return best_run(History(folder).of(serial), station)
 
 
-def _best_run(runs: list[RunRecord], station: str | None) -> Resumable | None:
-    """Return the station's run with the most finished stages since the last verdict on the unit at any station."""
+def best_run(runs: Sequence[RunRecord], station: str | None) -> Resumable | None:
+    """Return the resumable run with the most finished stages since the last verdict on the unit at any station.
+
+    Parameters
+    ----------
+    runs : all runs of the unit, the latest first
+    station : station that would resume it; None for any
+    """
     best: RunRecord | None = None
     for run in runs:
         if run.verdict.judged or run.closed:
@@ -99,21 +137,30 @@ def _best_run(runs: list[RunRecord], station: str | None) -> Resumable | None:
             continue  # only the station at which a run began can resume it
         if (run.stages or run.resumable) and (best is None or len(run.stages) > len(best.stages)):
             best = run
-    return None if best is None else _as_resumable(best)
+    resumable = None if best is None else as_resumable(best)
+    return resumable if isinstance(resumable, Resumable) else None
 
 
-def _as_resumable(record: RunRecord) -> Resumable | None:
-    """Return the record as a resumable run, or None if its log does not permit it."""
+def as_resumable(record: RunRecord) -> Resumable | str:
+    """Return the record as a resumable run, or the reason why its log does not permit it.
+
+    The reason is a term of the catalogue family ``not_resumed``.
+    """
+    if record.verdict.judged or record.closed:
+        return "closed" if record.closed else "judged"
+    if not (record.stages or record.resumable):
+        return "nothing_completed"
     try:
         log = open_log(record.log)
-        finished = _finished_stages(log)
+        completed = Completed.of(log)
         result = stored_result(log)
     except (InputError, ConfigurationError, ValueError, KeyError):
-        return None  # a log that cannot be read cannot be resumed
+        return "unreadable"
     if result is not None and result.registers is not None and result.registers.new is not None:
-        return None  # its registers have changed; the transfer must be finished or restored
+        return "registers_written"  # the transfer must be finished or restored
     if result is not None and not latitude_agrees(result.checks):
-        return None  # it was solved for another latitude
+        return "other_latitude"
+    run = log.meta.run
     return Resumable(
         serial=record.serial,
         log=record.log,
@@ -122,10 +169,12 @@ def _as_resumable(record: RunRecord) -> Resumable | None:
         product=record.product,
         station=record.station,
         operator=record.operator,
-        stages=_run_stages(log),
-        finished=finished,
+        completed=completed,
         verdict=record.verdict,
         why=(result.end_reason if result is not None else None) or "",
+        batch=run.batch if run else None,
+        slot=run.slot if run else None,
+        batch_units=tuple(run.batch_units or ()) if run else (),
     )
 
 
@@ -147,11 +196,11 @@ def _finished_stages(log: Log) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Continuation:
-    """The earlier part of a resumed run: the request, the log that it continues, and the stages finished there."""
+    """The earlier part of a resumed run: the request, the log that it continues, and what is not repeated of it."""
 
     request: RunRequest
     log: Log
-    finished: tuple[str, ...]
+    completed: Completed
 
     @classmethod
     def of(cls, request: RunRequest, path: Path) -> "Continuation":
@@ -161,12 +210,15 @@ class Continuation:
         log = open_log(path)
         if being_written(path):
             raise ConfigurationError("run.still_running", path=path)
-        finished = _finished_stages(log)
+        completed = Completed.of(log)
         _check_not_continued(log)
         if log.meta.imu.serial != request.serial:
             raise ConfigurationError("run.other_unit", path=path, found=log.meta.imu.serial, serial=request.serial)
         _check_station(log, load_station(request.station)[1])
         run = log.meta.run
+        if request.slot is not None and run is not None and run.slot != request.slot:
+            slots = {"slot": run.slot or "", "given": request.slot}
+            raise ConfigurationError("run.other_slot", path=path, serial=request.serial, **slots)
         filled = replace(
             request,
             stages=_run_stages(log),
@@ -177,20 +229,45 @@ class Continuation:
             batch_units=tuple(run.batch_units or ()) if run else (),
             out=path.parent,
         )
-        return cls(filled, log, finished)
+        return cls(filled, log, completed)
+
+    @classmethod
+    def of_all(cls, request: RunRequest) -> "tuple[Continuation, ...]":
+        """Read the logs of a unit or of all units of a batch, which continue after what all of them have completed.
+
+        Raises ConfigurationError or InputError.
+        """
+        if not request.resumes:
+            return () if request.resume is None else (cls.of(request, request.resume),)
+        units = [
+            cls.of(replace(unit, resume=log, resumes=()), log)
+            for unit, log in zip(unit_requests(request), request.resumes, strict=True)
+        ]
+        furthest = max((unit.completed for unit in units), key=lambda completed: completed.amount)
+        for unit in units:
+            if unit.request.batch != units[0].request.batch:
+                raise ConfigurationError("run.other_batch", path=unit.log.path, other=units[0].log.path)
+            if not unit.completed.is_near(furthest):
+                raise ConfigurationError("run.behind", path=unit.log.path, serial=unit.request.serial)
+        completed = completed_by_all([unit.completed for unit in units])
+        if completed.amount == (0, 0):
+            raise ConfigurationError("run.no_stage_finished", path=units[0].log.path)
+        return tuple(replace(unit, completed=completed) for unit in units)
 
     @property
-    def points(self) -> int:
-        """Number of complete temperatures of the stage after the finished ones."""
-        return 0 if self.point is None else self.point.index
+    def finished(self) -> tuple[str, ...]:
+        """The stages that are not repeated."""
+        return self.completed.stages
 
-    @cached_property
-    def point(self) -> PointCompleted | None:
-        """The last complete temperature of the stage after the finished ones; None if there is none."""
-        event = completed_point(self.log.events, self._stage)
-        if event is None:
-            return None
-        return PointCompleted(event["stage"], event["index"], event["temperature"], event["step"])
+    @property
+    def points(self) -> list[PointCompleted]:
+        """The temperatures of the stage after the finished ones that are not repeated."""
+        events = completed_points(self.log.events, self.completed.stage)
+        return [
+            PointCompleted(event["stage"], index, event["temperature"], event["step"])
+            for index, event in sorted(events.items())
+            if index <= self.completed.points
+        ]
 
     @property
     def attempt(self) -> int:
@@ -259,7 +336,8 @@ class Continuation:
         """
         last_seq = {block.stage: int(block.seq[-1]) for block in self.log.blocks() if block.stage}
         remaining, copied = list(self.finished), 0
-        last_step = 0 if self.point is None else self.point.step
+        points = self.points
+        last_step = points[-1].step if points else 0
         for block in self.log.blocks():
             if block.stage and block.stage not in self.finished:
                 stop = int(block.step.searchsorted(last_step, side="right"))
@@ -273,17 +351,12 @@ class Continuation:
             yield block, is_end
             if is_end:
                 remaining.remove(block.stage)
-                if not remaining and not self.points:
+                if not remaining and not points:
                     return
         if copied < last_step:
-            remaining.append(self._stage)
+            remaining.append(self.completed.stage)
         if remaining:
             raise InputError("run.samples_missing", path=self.log.path, stage=remaining[0])
-
-    @property
-    def _stage(self) -> str:
-        """The stage after the finished ones, or ""."""
-        return (*_run_stages(self.log)[len(self.finished) :], "")[0]
 
     def _compare(self, solution: Solution) -> None:
         solved = to_json(solution_events(solution)[0])

@@ -164,27 +164,14 @@ def _registers(imu: Imu, setup: RunConfiguration) -> dict[str, float]:
 
 
 def _drive(evaluations: Sequence[Finalization], devices: Devices) -> None:
-    if not evaluations:
+    slots = _slots(evaluations)
+    if not slots:
         return
-    slots = []
-    for evaluation in evaluations:
-        run, imu = evaluation.run, evaluation.imu
-        try:
-            last_sample = _resume(run)
-            solved = tuple(run.chain.solutions)
-            if solved:
-                imu.read()  # discard samples received while the stages were solved
-        except (StopRequested, CalstationError) as error:  # this is an error of a single unit
-            evaluation.ended(_ended_by(run, error))
-            return
-        unit = unit_task(run.setup, run.meta)
-        slots.append(Slot(imu, unit, run.log, run.chain, last_sample, run.prepared.slot, evaluation, solved))
     prepared = evaluations[0].run.prepared
     task = table_task(prepared.setup)
     stages = task.stages[len(slots[0].solved) :]
-    continuation = prepared.continuation
-    if continuation is not None and stages:
-        stages = (stages[0].after(continuation.points), *stages[1:])
+    if prepared.continuation is not None and stages:
+        stages = (stages[0].after(prepared.continuation.completed.points), *stages[1:])
     is_over_temperature = "temperature" in prepared.setup.stages
     limits = chamber_limits(*(evaluation.run.setup for evaluation in evaluations)) if is_over_temperature else None
     task = replace(task, stages=stages, chamber=limits)
@@ -192,19 +179,48 @@ def _drive(evaluations: Sequence[Finalization], devices: Devices) -> None:
     Sequencer(replace(context, chamber=devices.chamber)).run()
 
 
+def _slots(evaluations: Sequence[Finalization]) -> list[Slot]:
+    """Return the units that can continue after what resumed runs have completed; the runs of the others are closed."""
+    pending, slots = list(evaluations), list[Slot]()
+    try:
+        for evaluation in evaluations:
+            run = evaluation.run
+            try:
+                last_sample = _resume(run)
+            except CalstationError as error:  # this is an error of the unit
+                if len(evaluations) > 1:
+                    run.emit(Message("unit_left", {"serial": run.serial, "reason": error.as_text}))
+                pending.remove(evaluation)
+                evaluation.ended(_ended_by(run, error))
+                continue
+            unit, solved = unit_task(run.setup, run.meta), tuple(run.chain.solutions)
+            slots.append(
+                Slot(evaluation.imu, unit, run.log, run.chain, last_sample, run.prepared.slot, evaluation, solved)
+            )
+    except StopRequested as stop:
+        for evaluation in pending:
+            evaluation.ended(_ended_by(evaluation.run, stop))
+        return []
+    if any(slot.after is not None for slot in slots):
+        for slot in slots:  # discard samples received while the stages were solved
+            with suppress(DeviceFaultError):  # the sequencer reads it again, and reports the error
+                slot.imu.read()
+    return slots
+
+
 def _resume(run: OpenRun) -> LastSample | None:
-    """Copy the finished stages of a resumed run; return their last sample, or None for a new run.
+    """Copy what need not be repeated of a resumed run; return its last sample, or None for a new run.
 
     Raises StopRequested, InputError, ConfigurationError.
     """
     continuation = run.prepared.continuation
     if continuation is None:
         return None
-    name = continuation.log.path.name
+    name, points = continuation.log.path.name, continuation.points
     if continuation.finished:
         run.emit(Message("resumed", {"log": name, "stages": list(continuation.finished)}))
-    if continuation.points:
-        run.emit(Message("resumed_point", {"log": name, "count": continuation.points}))
+    if points:
+        run.emit(Message("resumed_point", {"log": name, "count": len(points)}))
 
     def on_solved(solution: Solution) -> None:
         for event in solution_events(solution):
@@ -213,8 +229,8 @@ def _resume(run: OpenRun) -> LastSample | None:
 
     last_sample = continuation.copy(run.log, run.chain, run.prepared.control.check_cancelled, on_solved)
     require_latitude(run.meta, tuple(run.chain.solutions))
-    if continuation.point is not None:
-        run.emit(continuation.point)
+    for point in points:
+        run.emit(point)
     return last_sample
 
 

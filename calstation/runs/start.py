@@ -16,7 +16,8 @@ from calstation.config import (
     library,
     load_station,
     new_batch_id,
-    prepare_batch,
+    prepare_units,
+    unit_requests,
     virtual_serials,
 )
 from calstation.errors import ConfigurationError
@@ -25,7 +26,8 @@ from calstation.quality import require_standards
 from calstation.records import LogMeta, open_log
 from calstation.results import History
 from calstation.runs.hooks import station_hooks
-from calstation.runs.resume import Continuation, Resumable, resumable_run
+from calstation.runs.interrupted import Interrupted, interrupted_units
+from calstation.runs.resume import Continuation, resumable_run
 
 #: Role of the person who starts a run.
 Role = Literal["operator", "engineer"]
@@ -66,13 +68,14 @@ class RunStart:
         """
         self._role, self._history = role, History(request.out)
         self._answered: set[Subject] = set()
+        self._interrupted: Interrupted | None = None
         self._set_request(_complete_request(request, self._history))
 
     def _set_request(self, request: RunRequest) -> None:
-        resumed = None if request.resume is None else Continuation.of(request, request.resume).request
+        resumed = tuple(continuation.request for continuation in Continuation.of_all(request))
         adjust = station_hooks(load_station(request.station)[1]).adjust
-        self.request, self._setups = request, prepare_batch(resumed or request, adjust)
-        if resumed is not None or request.unfinished is not None:  # the questions were asked before the interruption
+        self.request, self._setups = request, prepare_units(resumed or unit_requests(request), adjust)
+        if resumed or request.unfinished is not None:  # the questions were asked before the interruption
             self._answered |= {"resume", "passed"}
 
     def next_question(self) -> Question | None:
@@ -93,9 +96,13 @@ class RunStart:
 
         Raises ConfigurationError or InputError if an interrupted run cannot be resumed.
         """
-        if answer == "resume":
-            log = Path(str(question.refusal.values["log"]))
-            self._set_request(replace(self.request, resume=log, product=product_of(log) or self.request.product))
+        if answer == "resume" and self._interrupted is not None:
+            logs = self._interrupted.logs
+            product = product_of(logs[0]) or self.request.product
+            request = replace(
+                self.request, resume=logs[0], resumes=logs if self.request.serials else (), product=product
+            )
+            self._set_request(_complete_resumed(request))
         elif answer == "beyond":
             self.request = replace(self.request, beyond_attempts=True)
         self._answered.add(question.subject)
@@ -125,13 +132,21 @@ class RunStart:
         return next(setups, self._setups[0])
 
     def _ask_resume(self) -> Question | None:
-        request = self.request
-        station = self._setups[0].station.name
-        run = None if request.serials else resumable_run(request.out, request.serial, station)
-        if run is None:
+        request, station = self.request, self._setups[0].station
+        if request.serials:
+            slots = {serial: slot for slot, serial in zip(station.slot_names, request.serials, strict=False) if serial}
+            self._interrupted = interrupted_units(self._history, slots, station.name)
+        else:
+            run = resumable_run(request.out, request.serial, station.name)
+            self._interrupted = None if run is None else Interrupted((run,))
+        if self._interrupted is None:
             return None
-        question = resume_question(run)
-        refusal = ConfigurationError("run.interrupted_before", log=str(run.log), **question.values)
+        question, logs = self._interrupted.question, self._interrupted.logs
+        if not logs:
+            return Question("resume", question, ("anew",), ConfigurationError("run.in_other_slots", **question.values))
+        code = "run.units_interrupted_before" if request.serials else "run.interrupted_before"
+        options = " ".join(f"--resume {log}" for log in logs)
+        refusal = ConfigurationError(code, options=options, **question.values)
         return Question("resume", question, ("resume", "anew"), refusal)
 
     def _ask_attempts(self) -> Question | None:
@@ -188,13 +203,6 @@ class RunStart:
         return Text(f"question.{'units_' if self.request.serials else ''}{name}", values)
 
 
-def resume_question(run: Resumable) -> Text:
-    """Return the question whether to resume a run after its finished stages."""
-    finished = len(run.finished)
-    stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
-    return Text.of("question.resume", serial=run.serial, number=finished + 1, stage=stage, when=run.started_utc)
-
-
 def attempts_used(setup: RunConfiguration, history: History) -> ConfigurationError | None:
     """Return the error if the attempts of a unit are used up, otherwise None; check standards have no limit."""
     serial, product = setup.request.serial, setup.product
@@ -212,16 +220,8 @@ def _complete_request(request: RunRequest, history: History) -> RunRequest:
     Raises ConfigurationError if it names no unit, or InputError if the log cannot be read.
     """
     path, station = load_station(request.station)
-    if request.resume is not None:
-        if len(list(filter(None, request.serials))) > 1:
-            raise ConfigurationError("batch.resume")
-        meta, product = open_log(request.resume).meta, request.product or product_of(request.resume)
-        name = _product_name(meta)
-        if product is None and name is not None:
-            raise ConfigurationError("run.resume_product", path=request.resume, name=name)
-        serial = next(filter(None, (request.serial, *request.serials)), meta.imu.serial)
-        slot = None if meta.run is None else meta.run.slot
-        return replace(request, serial=serial, serials=(), product=product, slot=slot)
+    if request.resumes or request.resume is not None:
+        return _complete_resumed(request)
     serials = request.serials or (request.serial,)
     if not any(serials) and request.serials:
         raise ConfigurationError("batch.no_unit", station=path)
@@ -237,6 +237,41 @@ def _complete_request(request: RunRequest, history: History) -> RunRequest:
     if not station.slot_names and len(serials) == 1:
         return replace(request, serial=serials[0], serials=())
     return replace(request, serial=next(filter(None, serials)), serials=serials, batch=new_batch_id())
+
+
+def _complete_resumed(request: RunRequest) -> RunRequest:
+    """Complete a request that resumes runs with their product, and with the units and slots of the logs.
+
+    Raises ConfigurationError if the product is unknown or two logs are of the same slot, or InputError if a log cannot
+    be read.
+    """
+    logs = request.resumes or ((request.resume,) if request.resume is not None else ())
+    metas = [open_log(log).meta for log in logs]
+    product, name = request.product or product_of(logs[0]), _product_name(metas[0])
+    if product is None and name is not None:
+        raise ConfigurationError("run.resume_product", path=logs[0], name=name)
+    slots = [None if meta.run is None else meta.run.slot for meta in metas]
+    if not request.resumes:
+        serial = next(filter(None, (request.serial, *request.serials)), metas[0].imu.serial)
+        return replace(request, serial=serial, serials=(), product=product, slot=slots[0])
+    units: dict[str, tuple[str, Path]] = {}
+    station = load_station(request.station)[1]
+    for log, meta, slot in zip(logs, metas, slots, strict=True):
+        if slot not in station.slot_names:
+            raise ConfigurationError("run.no_slot", path=log, slot=slot or "–", station=station.name)
+        if slot in units:
+            raise ConfigurationError("run.same_slot", path=log, other=units[slot][1], slot=slot)
+        units[slot] = meta.imu.serial, log
+    occupied = [units[name] for name in station.slot_names if name in units]
+    return replace(
+        request,
+        serial=occupied[0][0],
+        serials=tuple(units[name][0] if name in units else "" for name in station.slot_names),
+        product=product,
+        resume=occupied[0][1],
+        resumes=tuple(log for _, log in occupied),
+        batch=None if metas[0].run is None else metas[0].run.batch,
+    )
 
 
 def product_of(log: Path) -> Path | None:

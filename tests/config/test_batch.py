@@ -177,12 +177,6 @@ def test_station_for_one_unit_accepts_no_batch(site_folder: SiteFolder) -> None:
     assert error_code(caught.value) == "slots station.unknown_slot"
 
 
-def test_batch_of_several_units_cannot_be_resumed(site_folder: SiteFolder, tmp_path: Path) -> None:
-    write(site_folder)
-    with raises_code(ConfigurationError, "batch.resume"):
-        prepare_batch(replace(batch(site_folder, "SN-000001", "SN-000002"), resume=tmp_path / "log.h5"))
-
-
 def test_product_with_a_different_schedule_cannot_share_the_table(site_folder: SiteFolder) -> None:
     folder = library.site_folder() / "products"
     folder.mkdir(parents=True, exist_ok=True)

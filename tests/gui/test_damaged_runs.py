@@ -15,10 +15,11 @@ from calstation.gui.quality import QualityPage
 from calstation.gui.text import language, say
 from calstation.records import LogMeta, RawLogWriter, RunFilter
 from calstation.results import History
+from tests.dead_logs import META, NOW
 from tests.gui import test_history_page as base
 from tests.gui.conftest import Operator
 from tests.gui.test_history_lists import choose, combo
-from tests.gui.test_history_page import META, NOW, WAIT, button, listed_runs, rows, select_row, write_run
+from tests.gui.test_history_page import WAIT, button, listed_runs, rows, select_row, write_run
 from tests.gui.test_quality_page import click_tab
 
 pytestmark = pytest.mark.timeout(120)

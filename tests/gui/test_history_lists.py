@@ -24,8 +24,9 @@ from calstation.gui.text import language, say
 from calstation.gui.widgets import ThemedPlot, state_colour, state_icon
 from calstation.records import OnlineDifference, append_resolve, resolve_file
 from calstation.results import load_result
+from tests.dead_logs import NOW
 from tests.gui import test_history_page as base
-from tests.gui.test_history_page import NOW, WAIT, button, listed_runs, rows, select_row, visible_texts, write_run
+from tests.gui.test_history_page import WAIT, button, listed_runs, rows, select_row, visible_texts, write_run
 from tests.results.test_resolves import RECORD
 
 pytestmark = pytest.mark.timeout(120)

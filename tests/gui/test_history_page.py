@@ -1,12 +1,10 @@
 """The history page: runs are searched, selected, opened, resumed and closed."""
 
 import json
-import os
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QGuiApplication
@@ -14,39 +12,22 @@ from PySide6.QtWidgets import QComboBox, QDateEdit, QLabel, QLineEdit, QPushButt
 from pytestqt.qtbot import QtBot
 
 from calstation.errors import DeviceFaultError
-from calstation.estimation.common import SampleBlock
 from calstation.gui.history import HistoryPage
 from calstation.gui.history.run_table import _RunModel
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.state import AppContext
 from calstation.gui.text import language, say
 from calstation.physics import DEGREE_PER_HOUR
-from calstation.records import LogMeta, RawLogWriter, Verdict
+from calstation.records import Verdict
 from calstation.results import SCHEMA
 from calstation.sequencer import Finalized
-from procedures import method
 from tests.check_rows import check_row
+from tests.dead_logs import NOW, write_dead_log
 from tests.gui.conftest import RESULT
-from tests.site_folder import PRODUCT
 
 pytestmark = pytest.mark.timeout(120)
 WAIT = 60_000
 FAULT = DeviceFaultError("stream.repeated_no_data")
-NOW = datetime.now(UTC).replace(microsecond=0)
-STAGES = ("rate", "six_position")
-META: dict[str, Any] = {
-    "site": {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400, "azimuth_deg": 0.0},
-    "imu": {
-        "serial": "SN-000003",
-        "sample_rate_hz": 100.0,
-        "output": "increment",
-        "gyro_lsb": 1e-8,
-        "accel_lsb": 1e-6,
-        "gyro_arw": 1e-7,
-        "accel_vrw": 5e-5,
-    },
-    "run": {"stages": list(STAGES), "operator": "Li Wei", "software": "0.1"},
-}
 
 
 def write_run(folder: Path, serial: str, outcome: str, age: timedelta, bias: float = 1.0, **more: Any) -> Path:
@@ -80,38 +61,6 @@ def write_run(folder: Path, serial: str, outcome: str, age: timedelta, bias: flo
     }
     path = folder / f"{name}.json"
     path.write_text(json.dumps(result), "utf-8")
-    return path
-
-
-def write_dead_log(folder: Path, **run: Any) -> Path:
-    """Write the log of a run that was killed in its second stage one hour ago."""
-    started = NOW - timedelta(hours=1)
-    path = folder / f"SN-000003_{started:%Y%m%dT%H%M%S%f}.h5"
-    schedule = {name: method(name).schedule(**PRODUCT["schedule"][name]).model_dump(mode="json") for name in STAGES}
-    meta = {**META, "run": {**META["run"], **run, "started_utc": started.isoformat()}, "schedule": schedule}
-    writer = RawLogWriter(path, LogMeta.model_validate(meta))
-    for k, stage in enumerate(STAGES):
-        seq = np.arange(100 * k, 100 * k + 100, dtype=np.int64)
-        ones = np.ones(100)
-        writer.append(
-            SampleBlock(
-                stage,
-                seq,
-                (seq + 1) / 100.0,
-                np.zeros((100, 6)),
-                np.zeros((100, 2)),
-                np.full(100, k, np.int64),
-                ones > 0,
-                25.0 * ones,
-            )
-        )
-        if stage == "rate":
-            at = {"station_time": 5.0, "utc": started.isoformat()}
-            solved = {"event": "StageSolved", "stage": stage, "parameters": {}, "consistency": {"passed": True}}
-            writer.event({**at, **solved})
-    writer.flush()
-    writer._file.close()
-    os.close(writer._sync_handle)
     return path
 
 

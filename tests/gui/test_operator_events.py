@@ -24,8 +24,8 @@ from calstation.runs import finish_incomplete
 from calstation.runs.incomplete import StartupRecovery
 from calstation.sequencer import Fault, Finalized, Message, StageProgress, StageSolved, StageStarted, StateChanged
 from tests.check_rows import check_row
+from tests.dead_logs import write_dead_log
 from tests.gui.conftest import RESULT, SERIAL, Operator
-from tests.gui.test_history_page import write_dead_log
 from tests.site_folder import STATION, SiteFolder
 
 ENDED: dict[str, Any] = {**RESULT, "attempt": 1, "duration_s": 60.0, "advice": "resume"}
@@ -476,10 +476,6 @@ def test_question_before_closing_promises_to_resume_only_what_can_be_resumed(
     first = question()
     assert resumed not in first
     assert ("starts again from the first stage" if language == "en" else "已做的会丢失，须从头再来") in first
-    simulated_run.run.unit.slot = "1"
-    event.emit(StageSolved("six_position", {}, {"passed": True}))
-    assert resumed not in question(), "runs in slots are not resumed"
-    simulated_run.run.unit.slot = ""
     event.emit(StageSolved("six_position", {}, {"passed": True}))
     assert resumed in question()
     assert ("Esc stops the run too." if language == "en" else "按 Esc 也会停止标定。") in question()

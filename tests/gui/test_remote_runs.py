@@ -17,7 +17,8 @@ from calstation.gui.quality import QualityPage
 from calstation.gui.state import AppContext
 from calstation.records import IndexedRun, RunFilter, RunIndex, RunRecord, Verdict
 from calstation.results import History, export_runs, load_result, load_results
-from tests.gui.test_history_page import NOW, WAIT, listed_runs, rows, select_row, write_run
+from tests.dead_logs import NOW
+from tests.gui.test_history_page import WAIT, listed_runs, rows, select_row, write_run
 from tests.helpers import ignore_progress, raises_code
 
 pytestmark = pytest.mark.timeout(120)

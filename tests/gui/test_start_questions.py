@@ -17,8 +17,8 @@ from calstation.gui.state.engine_link import EngineLink
 from calstation.results import History
 from calstation.runs import finish_incomplete
 from tests.database.result_files import write_result
+from tests.dead_logs import write_dead_log
 from tests.gui.conftest import SERIAL, Operator
-from tests.gui.test_history_page import write_dead_log
 from tests.site_folder import STATION, SiteFolder
 
 PIN = "246813"

@@ -1,5 +1,6 @@
 """Several units on one table: scans into slots, tiles during the run, and verdicts; runs consist of emitted events."""
 
+import json
 from dataclasses import replace
 from typing import Any
 from unittest.mock import Mock
@@ -33,6 +34,7 @@ from calstation.sequencer import (
 )
 from tests.check_rows import check_row
 from tests.database.result_files import write_result
+from tests.dead_logs import write_dead_log
 from tests.gui.conftest import RESULT, Operator
 from tests.site_folder import STATION
 
@@ -615,15 +617,42 @@ def test_units_finished_before_a_stop_are_not_offered_again(operator: Operator) 
     assert run_badge(operator.run)[0] == "caution"
     again = operator.widget("again_button", QPushButton)
     assert again.text() == "Calibrate the units with a fault again (1)"
-    advice = tile(operator, "unit_2_verdict").accessibleName()
-    assert "Scan the unit to begin again" in advice
-    assert "resume" not in advice
+    assert "The completed stages are kept: resume" in tile(operator, "unit_2_verdict").accessibleName()
     operator.window.app.set_language("zh_CN")
     assert again.text() == "重做出故障的产品（1）"
-    assert "可以接着做" not in tile(operator, "unit_2_verdict").accessibleName()
+    assert "可以接着做" in tile(operator, "unit_2_verdict").accessibleName()
     operator.window.app.set_language("en")
     operator.press("same_units_choice")
     assert serials(operator) == ("", "SN-000002")
+
+
+def test_interrupted_batch_is_resumed_together_from_its_page(operator: Operator, started: list[RunRequest]) -> None:
+    """Its units are named, also those that are not resumed; closing it closes the runs of all of them."""
+    use_slots(operator, 3)
+    app = operator.window.app
+    units = ["SN-000001", "SN-000002", "SN-000003"]
+    run = {"batch": "B-7", "batch_units": units, "station": "test bench", "seed": 5}
+    logs = [
+        write_dead_log(app.runs_folder, serial, int(slot != "2"), slot=slot, **run)
+        for slot, serial in zip("123", units, strict=True)
+    ]
+    operator.window.operator_page._starting.interrupted.recover()
+    operator.until(lambda: "2 units interrupted in stage 2" in operator.says())
+    assert "SN-000001, SN-000003 Not resumed: SN-000002 (it has completed no stage" in operator.says()
+    assert operator.window.focusWidget() is operator.widget("later_choice")  # not what nobody has confirmed
+    app.set_language("zh_CN")
+    assert "不继续：SN-000002（没有完成任何阶段或温度点）" in operator.says()
+    app.set_language("en")
+    operator.press("resume_choice")
+    (request,) = started
+    assert (request.serials, request.resumes) == (("SN-000001", "", "SN-000003"), (logs[0], logs[2]))
+
+    app.resume_run.emit(logs[2])
+    operator.until(lambda: "2 units interrupted in stage 2" in operator.says())
+    operator.press("close_incomplete_job_choice")
+    operator.until_no_job()
+    closed = [json.loads(log.with_suffix(".json").read_text("utf-8")).get("closed_utc") for log in logs]
+    assert [each is not None for each in closed] == [True, False, True]
 
 
 @pytest.mark.long

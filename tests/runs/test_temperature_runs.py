@@ -15,7 +15,7 @@ from calstation.errors import ConfigurationError
 from calstation.physics import TEMPERATURES
 from calstation.records import open_log
 from calstation.results import resolve
-from calstation.runs import Engine, execute, find_resumable
+from calstation.runs import Engine, RunStart, execute, find_interrupted, find_resumable, finish_incomplete
 from calstation.sequencer import Command, Control, Event, Finalized, Message, PointCompleted, StepStarted
 from tests.helpers import ignore_progress, raises_code
 from tests.runs.test_batch_runs import batch_of, run_batch
@@ -154,7 +154,7 @@ def _resume(thermal: SiteFolder, log: str) -> None:
     execute(request, thermal.events.append, thermal.control)
     (ended,) = thermal.events_of(Finalized)
     assert ended.verdict.passed, [c for c in ended.result["checks"] if not c["passed"]]
-    assert [point.index for point in thermal.events_of(PointCompleted)] == [2, 3]
+    assert [point.index for point in thermal.events_of(PointCompleted)] == [1, 2, 3]
     assert len(ended.result["temperature"]["points"]) == 3
     again = resolve(Path(ended.log)).result.to_json()
     assert again["temperature"] == ended.result["temperature"]
@@ -179,3 +179,46 @@ def test_units_of_a_batch_are_calibrated_over_temperature_at_once(thermal: SiteF
     assert len(biases) == 4
     chamber = [m.id for m in thermal.events_of(Message) if m.id.startswith("chamber_")]
     assert chamber[-1] == "chamber_may_be_opened"
+
+
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
+def test_batch_killed_in_a_soak_is_resumed_together_after_its_last_temperature(thermal: SiteFolder) -> None:
+    thermal.write(PRODUCT, {"chamber": {"profile": "virtual_chamber"}}, thermal=THERMAL, units=3)
+    serials = ("SN-000001", "", "SN-000003")
+    with Engine.start(batch_of(thermal, serials=serials)) as engine:
+        for event in engine.events():
+            if begins_last_soak(event) and engine.process.pid is not None:
+                os.kill(engine.process.pid, signal.SIGKILL)
+                break
+    finish_incomplete(thermal.runs)
+    (interrupted,) = find_interrupted(ignore_progress, thermal.runs, "test bench")
+    assert [(run.serial, run.slot, run.completed.amount) for run in interrupted.runs] == [
+        ("SN-000001", "1", (0, 2)),
+        ("SN-000003", "3", (0, 2)),
+    ]
+    assert interrupted.others == ()
+
+    verdicts = run_batch(thermal, resumed_batch(thermal, serials))
+    assert list(verdicts) == ["1", "3"]
+    for ended in verdicts.values():
+        assert ended.verdict.passed, [c for c in ended.result["checks"] if not c["passed"]]
+        assert ended.result["batch"] == interrupted.runs[0].batch
+        assert len(ended.result["temperature"]["points"]) == 3
+        again = resolve(Path(ended.log)).result.to_json()
+        assert again["temperature"] == ended.result["temperature"]
+        assert again["parameters"] == ended.result["parameters"]
+    soaks = [step.label[2] for step in thermal.events_of(StepStarted) if step.kind == "soak"]
+    assert soaks == [3.0]
+    assert find_interrupted(ignore_progress, thermal.runs) == []
+
+
+def resumed_batch(folder: SiteFolder, serials: tuple[str, ...]) -> RunRequest:
+    """Return the request after the question whether to resume the units that are in the slots."""
+    start = RunStart(batch_of(folder, serials=serials), "operator")
+    question = start.next_question()
+    assert question is not None
+    assert question.text.code == "question.units_resume"
+    start.answer(question, "resume")
+    assert start.next_question() is None
+    return start.request

@@ -33,7 +33,7 @@ def run(
     out: Path = Path("runs"),
     json: JsonOption = None,
     yes: YesOption = False,
-    resume: Annotated[Path | None, typer.Option(metavar="LOG")] = None,
+    resume: Annotated[list[Path] | None, typer.Option(metavar="LOG")] = None,
     restart: Annotated[bool, typer.Option("--restart")] = False,
     again: Annotated[bool, typer.Option("--again")] = False,
     beyond_attempts: Annotated[bool, typer.Option("--beyond-attempts")] = False,
@@ -43,6 +43,7 @@ def run(
     confirmed_by: ConfirmedByOption = None,
 ) -> int:
     """Calibrate a unit, or several units at a station with slots, and return the exit code."""
+    logs = tuple(resume or ())
     request = RunRequest(
         "",
         station,
@@ -53,7 +54,8 @@ def run(
         serials=tuple(serial or ()),
         speed=speed,
         seed=seed,
-        resume=resume,
+        resume=next(iter(logs), None),
+        resumes=logs if len(logs) > 1 else (),
         faults=faults,
     )
     answers = {

@@ -317,7 +317,7 @@ class HistoryPage(Page):
         if self.app.badge_required:
             self.notice.inform("caution", "common.run_not_closed", "operator.sign_in", self.table.setFocus)
         elif self.table.run is not None:
-            self._closer.start(self.table.run.log, self.app.person or None)
+            self._closer.start((self.table.run.log,), self.app.person or None)
             self._update()
 
     # ---- actions on several runs

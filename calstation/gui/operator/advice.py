@@ -127,8 +127,7 @@ def _action(outcome: str, result: Result | None) -> str:
         return advised
     if outcome == "failed":
         return "repeat"
-    in_slots = result is not None and bool(result.slot)  # the window does not resume such runs
-    return "resume" if advised == "resume" and not in_slots else "begin_again"
+    return "resume" if advised == "resume" else "begin_again"
 
 
 def figures(result: Result) -> list[Figure]:

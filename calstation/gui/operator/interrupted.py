@@ -1,6 +1,6 @@
 """The offer to resume or close interrupted runs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 from PySide6.QtCore import QObject
@@ -12,30 +12,24 @@ from calstation.gui.state import AppContext
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
 from calstation.results import Delivery
-from calstation.runs import (
-    Resumable,
-    RunSummary,
-    close_incomplete_job,
-    find_resumable,
-    recover_at_startup,
-    resume_question,
-)
+from calstation.runs import Interrupted, RunSummary, close_incomplete_job, find_interrupted, recover_at_startup
 
 
 class InterruptedRuns(QObject):
-    """Finds interrupted runs and asks whether to resume or close them; `resume` is called to resume a run."""
+    """Finds interrupted runs and asks whether to resume or close them; `resume` is called to resume a run or batch."""
 
     def __init__(
-        self, app: AppContext, header: RunHeader, notice: NoticeBar, resume: Callable[[Resumable], None]
+        self, app: AppContext, header: RunHeader, notice: NoticeBar, resume: Callable[[Interrupted], None]
     ) -> None:
         super().__init__(header)
         self._app, self._header, self._notice, self._resume = app, header, notice, resume
         #: Summary of the next run; None if station and product are unusable.
         self.run_summary: RunSummary | None = None
-        #: Unit and log of the offered run; None for any.
-        self._serial: str | None = None
+        #: Units and log of the offered run; () and None for any.
+        self._serials: Collection[str] = ()
         self._log: Path | None = None
-        self._search = app.job(self, find_resumable, self._search_done, failed=self._search_failed)
+        self._otherwise: Callable[[], None] = lambda: None
+        self._search = app.job(self, find_interrupted, self._search_done, failed=self._search_failed)
         self._closing = app.job(self, close_incomplete_job)
         self._recovery = app.job(
             self, recover_at_startup, lambda done: self._show_delivery(done.delivery), failed=self._recovery_failed
@@ -59,23 +53,33 @@ class InterruptedRuns(QObject):
             values = {"count": delivery.waiting, "folder": str(delivery.folder), "reason": delivery.reason}
             self._notice.ask("caution", Text("event.handover_waiting", values), "")
 
-    def offer(self, serial: str | None = None, log: Path | None = None) -> None:
-        """Offer to resume interrupted runs: all runs, those of the unit `serial`, or the run of `log`."""
-        self._serial, self._log = serial, log
+    def offer(
+        self, serials: Collection[str] = (), log: Path | None = None, otherwise: Callable[[], None] = lambda: None
+    ) -> None:
+        """Offer to resume interrupted runs: all, those of units or of their batch, or the one of a log.
+
+        Parameters
+        ----------
+        serials : units that are resumed; () for any
+        log : log of the run, of whichever unit, that is resumed; None for any
+        otherwise : called if nothing can be offered, except for a log
+        """
+        self._serials, self._log, self._otherwise = serials, log, otherwise
         if self._app.runs_folder.is_dir() and self.run_summary is not None:
             self._search.start(self._app.runs_folder, self.run_summary.station)
+        else:
+            otherwise()
 
-    def _search_done(self, runs: list[Resumable]) -> None:
+    def _search_done(self, found: list[Interrupted]) -> None:
         if self._app.engine_link.running or self.run_summary is None:
             return
-        if self.run_summary.slots:
-            if self._log is not None:
-                ask(self._notice, "caution", Text.of("question.not_resumed_in_slots"), {})
-            return
+        found = [each for each in found if (each.runs[0].slot is not None) == bool(self.run_summary.slots)]
         if self._log is None:
-            self._offer([run for run in runs if self._serial in (None, run.serial)])
+            units = self._serials
+            offered = [each for each in found if not units or any(run.serial in units for run in each.runs)]
+            self._offer(offered) if offered else self._otherwise()
             return
-        selected = [run for run in runs if run.log.name == self._log.name]
+        selected = [each for each in found if self._log.name in {log.name for log in each.logs}]
         if selected:
             self._notice.dismiss()
             self._offer(selected)  # a question about the run selected on another page replaces any other
@@ -86,21 +90,21 @@ class InterruptedRuns(QObject):
         engineer = self._app.role.engineer
         ask(self._notice, "caution", refusal("cannot_resume", error, engineer=engineer), {}, engineer=engineer)
 
-    def _offer(self, runs: list[Resumable]) -> None:
-        """Ask whether to resume or close the first run, then ask about the others."""
-        if not runs or self._notice.asking:
+    def _offer(self, found: list[Interrupted]) -> None:
+        """Ask whether to resume or close the first run or batch, then ask about the others."""
+        if not found or self._notice.asking:
             return
-        run, others = runs[0], runs[1:]
+        first, others = found[0], found[1:]
         answers = {
-            "resume": lambda: self._resume(run),
-            "close_incomplete_job": lambda: self._close(run, others),
+            "resume": lambda: self._resume(first),
+            "close_incomplete_job": lambda: self._close(first, others),
             "later": lambda: self._offer(others),
         }
-        ask(self._notice, "paused", resume_question(run), answers, primary="later")
+        ask(self._notice, "paused", first.question, answers, primary="later")
 
-    def _close(self, run: Resumable, others: list[Resumable]) -> None:
+    def _close(self, interrupted: Interrupted, others: list[Interrupted]) -> None:
         if self._app.badge_required:
             ask(self._notice, "caution", Text("station.badge_missing"), {})
             return
-        self._closing.start(run.log, self._app.person or None)
+        self._closing.start(interrupted.logs, self._app.person or None)
         self._offer(others)

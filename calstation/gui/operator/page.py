@@ -328,10 +328,8 @@ class OperatorPage(Page):
         interrupted = next((unit for unit in run.units if unit.transfer is not None), None)
         if interrupted is not None and request is not None:
             self._starting.ask_transfer(request, interrupted.serial)
-        elif run.in_slots:
-            self._starting.offer_same_units()
         else:
-            self._starting.interrupted.offer(run.unit.serial)
+            self._starting.offer_unfinished()
 
     def _stop_pressed(self) -> None:
         run = self.app.run
@@ -359,7 +357,7 @@ class OperatorPage(Page):
         elif run.state == "idle":
             self._starting.check()  # the next unit may have been scanned before the engine ended
         if run.state in (Verdict.STOPPED, Verdict.INCOMPLETE):
-            self._starting.offer_same_units() if run.in_slots else self._starting.interrupted.offer(run.unit.serial)
+            self._starting.offer_unfinished()
         self._ask_transfer()
         self._offer_after_fault()
 

@@ -21,7 +21,7 @@ from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
 from calstation.records import Verdict
 from calstation.results import History
-from calstation.runs import Resumable, RunSummary, product_of, resumable_run
+from calstation.runs import Interrupted, RunSummary, product_of, resumable_run
 from calstation.sound import play
 
 #: Note next to the serial field by the reason why a scan is refused.
@@ -112,12 +112,14 @@ class RunStarter(QObject):
         if not (scanned and self.check()):
             self._header.focus_scan()
 
-    def offer_same_units(self) -> None:
-        """After an incomplete run of several units, offer to calibrate the unfinished units again."""
+    def offer_unfinished(self) -> None:
+        """After an incomplete run, offer to resume it, or else to calibrate its units in slots again."""
         units = [unit for unit in self._app.run.units if unit.unfinished]
-        if not units:
-            return
+        if units:
+            again = partial(self._offer_again, units) if self._app.run.in_slots else (lambda: None)
+            self.interrupted.offer([unit.serial for unit in units], otherwise=again)
 
+    def _offer_again(self, units: Sequence[UnitStatus]) -> None:
         question = Text.of("question.same_units", serials=[unit.serial for unit in units])
         fill = partial(self.fill_again, units)
         ask(self._notice, "paused", question, {"same_units": fill, "cancel": self._header.focus_scan})
@@ -295,12 +297,16 @@ class RunStarter(QObject):
         }
         ask(self._notice, "caution", Text.of(code, serial=serial), answers, primary="cancel")
 
-    def _resume(self, run: Resumable) -> None:
+    def _resume(self, interrupted: Interrupted) -> None:
         self._header.set_serial("")  # if the run is refused, no unit that was not scanned can be started
+        self.slots.remove_units()
+        logs = interrupted.logs
         product = None
         with suppress(CalstationError):  # the dialog shows the error of the log
-            product = product_of(run.log)
-        self.dialog.begin(self._request(run.serial, product or self._app.product_path, None, resume=run.log))
+            product = product_of(logs[0])
+        resumes = logs if self.slots else ()
+        request = self._request("", product or self._app.product_path, None, resume=logs[0], resumes=resumes)
+        self.dialog.begin(request)
 
     def _request(self, serial: str, product: Path | None, stages: tuple[str, ...] | None, **more: Any) -> RunRequest:
         app = self._app

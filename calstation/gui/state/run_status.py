@@ -382,7 +382,7 @@ class RunStatus(QObject):
             self.chamber.resume()
             self._changed_timer.start()
         self.chamber.handle_event(event)
-        if not self.in_slots and can_be_resumed([{"event": type(event).__name__}]):
+        if can_be_resumed([{"event": type(event).__name__}]):
             self.resumable = True
         if isinstance(event, Message) and event.id == "safe_stop_incomplete" and event.values.get("table"):
             self.stop_incomplete = True

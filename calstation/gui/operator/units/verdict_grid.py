@@ -154,6 +154,8 @@ class VerdictGrid(QFrame):
         if self._run.chamber.must_stay_closed:
             return say("operator.chamber_unconfirmed")
         unfinished = [unit for unit in self._run.units if unit.unfinished]  # also after a fault of the table
+        if unfinished and self._run.resumable:
+            return say("advice.resume_units")
         if unfinished and len(unfinished) == len(self._run.units):
             return say("advice.same_units")
         return say("advice.mixed_units" if unfinished or self._failed else "advice.next_units")

@@ -1,0 +1,140 @@
+"""Interrupted runs that can be resumed together: the run of a unit, or the runs of the units of a batch."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from calstation.jobs import ProgressCallback
+from calstation.messages import Text
+from calstation.records import RunFilter, Verdict
+from calstation.results import History
+from calstation.runs.resume import Resumable, as_resumable, best_run
+
+#: Maximum number of runs, or of batches, that are offered, the latest ones.
+_MAX_OFFERED = 20
+
+
+@dataclass(frozen=True)
+class Interrupted:
+    """Interrupted runs that can be resumed together, those of a batch in the order of their slots.
+
+    `others` are the other units of the batch, each with the reason why it is not resumed with them, a term of the
+    catalogue family ``not_resumed``. If every unit has one, there are no runs.
+    """
+
+    runs: tuple[Resumable, ...]
+    others: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def logs(self) -> tuple[Path, ...]:
+        """The logs of the runs."""
+        return tuple(run.log for run in self.runs)
+
+    @property
+    def question(self) -> Text:
+        """The question whether to resume the runs."""
+        units = [Text.of("question.not_resumed_unit", serial=serial, reason=reason) for serial, reason in self.others]
+        others = Text.of("question.not_resumed", units=units) if units else ""
+        if not self.runs:
+            return Text.of("question.units_in_other_slots", others=others)
+        run = min(self.runs, key=lambda run: run.completed.amount)
+        finished, serials = len(run.finished), [each.serial for each in self.runs]
+        stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
+        code = "question.resume" if run.slot is None else "question.units_resume"
+        values = {"serial": run.serial, "serials": serials, "count": len(serials), "others": others}
+        return Text.of(code, number=finished + 1, stage=stage, when=run.started_utc, **values)
+
+
+def find_resumable(progress: ProgressCallback, folder: Path, station: str | None = None) -> list[Resumable]:
+    """Job: find the runs in a folder that a station, or any, can resume, and return them with the latest first.
+
+    At most one run per unit is returned, and no run that is older than the last verdict on the unit.
+    """
+    history = History(folder)
+    history.refresh()
+    runs: list[Resumable] = []
+    serials: set[str] = set()
+    filters = [RunFilter(verdict=verdict) for verdict in Verdict if not verdict.judged]
+    records = [run for run_filter in filters for run in history.runs(run_filter) if run.stages or run.resumable]
+    for record in sorted(records, key=lambda r: r.started_utc, reverse=True):
+        if record.serial in serials:
+            continue
+        serials.add(record.serial)
+        run = best_run(history.of(record.serial), station)
+        if run is not None:
+            runs.append(run)
+        if len({run.batch or run.log for run in runs}) == _MAX_OFFERED:
+            break
+    return runs
+
+
+def find_interrupted(progress: ProgressCallback, folder: Path, station: str | None = None) -> list[Interrupted]:
+    """Job: find the runs that can be resumed, as `find_resumable` does, those of the units of a batch together."""
+    runs, history = find_resumable(progress, folder, station), History(folder)
+    batches = [each for batch in _batches(runs) for each in _of_batch(history, batch, station)]
+    return [*(Interrupted((run,)) for run in runs if run.slot is None), *batches]
+
+
+def interrupted_units(history: History, slots: Mapping[str, str], station: str) -> Interrupted | None:
+    """Return what can be resumed of the latest interrupted batch of units that are on the table; None for nothing.
+
+    Parameters
+    ----------
+    history : index of the folder of runs
+    slots : name of the present slot of each unit, by serial number
+    station : name of the station
+    """
+    runs = [run for serial in slots if (run := best_run(history.of(serial), station)) is not None]
+    misplaced: Interrupted | None = None
+    for batch in _batches(runs):
+        for interrupted in _of_batch(history, batch, station):
+            present = tuple(run for run in interrupted.runs if slots.get(run.serial) == run.slot)
+            absent = [run.serial for run in interrupted.runs if run not in present]
+            added = [serial for serial in slots if serial not in interrupted.runs[0].batch_units]
+            reasons = [
+                *((serial, "other_slot" if serial in slots else "not_loaded") for serial in absent),
+                *interrupted.others,
+                *((serial, "not_in_batch") for serial in added),
+            ]
+            if present:
+                return Interrupted(present, tuple(reasons))
+            misplaced = misplaced or Interrupted((), tuple(reasons))
+    return misplaced
+
+
+def _batches(runs: Sequence[Resumable]) -> list[str]:
+    """Return the batches of the runs, the latest first."""
+    latest = sorted(runs, key=lambda run: run.started_utc, reverse=True)
+    return list(dict.fromkeys(run.batch for run in latest if run.batch is not None and run.slot is not None))
+
+
+def _of_batch(history: History, batch: str, station: str | None) -> Iterator[Interrupted]:
+    """Yield the runs of a batch that can be resumed together, those that have completed most first."""
+    records = history.runs(RunFilter(batch=batch), None)
+    found = {record.serial: best_run(history.of(record.serial), station) for record in records}
+    pending = [run for run in found.values() if run is not None and run.batch == batch]
+    if not pending:
+        return
+    units = pending[0].batch_units
+    reasons = []
+    for serial in units:
+        if serial in {run.serial for run in pending}:
+            continue
+        record = next((record for record in records if record.serial == serial), None)
+        reason = "nothing_completed" if record is None else as_resumable(record)
+        reasons.append((serial, reason if isinstance(reason, str) else "repeated"))
+    pending.sort(key=lambda run: (run.completed.amount, -units.index(run.serial)), reverse=True)
+    every = {run.serial for run in pending}
+    while pending:
+        together = [run for run in pending if _ended_with(run, pending[0])]
+        serials = {run.serial for run in together}
+        apart = [(serial, "separately") for serial in units if serial in every - serials]
+        yield Interrupted(tuple(sorted(together, key=lambda run: units.index(run.serial))), (*reasons, *apart))
+        pending = [run for run in pending if run.serial not in serials]
+
+
+def _ended_with(run: Resumable, further: Resumable) -> bool:
+    """Return whether a run ended together with another one, and not earlier by a fault of its unit."""
+    if run.completed.amount == further.completed.amount:
+        return True
+    return run.verdict is not Verdict.FAULT and run.completed.is_near(further.completed)

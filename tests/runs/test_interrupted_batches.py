@@ -1,0 +1,141 @@
+"""Interrupted runs of a batch are resumed together, in their slots, after what all of them have completed."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from calstation.config import RunRequest
+from calstation.errors import ConfigurationError
+from calstation.results import History
+from calstation.runs import RunStart, find_interrupted, finish_incomplete
+from calstation.runs.incomplete import close_incomplete
+from calstation.runs.resume import Completed, Continuation, completed_by_all
+from tests.dead_logs import write_dead_log
+from tests.helpers import ignore_progress, raises_code
+from tests.runs.test_batch_runs import SERIALS, batch_of
+from tests.site_folder import SiteFolder
+
+STATION = "test bench"
+
+
+@pytest.fixture
+def batch(site_folder: SiteFolder) -> SiteFolder:
+    """A station with three slots, and the logs of a batch of three units that were killed in the second stage."""
+    site_folder.write(units=3)
+    write_batch(site_folder, {"1": 1, "2": 1, "3": 1})
+    return site_folder
+
+
+def write_batch(site_folder: SiteFolder, solved: Mapping[str, int]) -> dict[str, Path]:
+    """Write the logs of a batch with the number of solved stages by slot; return them by slot."""
+    run = {"batch": "B-7", "batch_units": list(SERIALS), "station": STATION, "seed": 5}
+    logs = {
+        slot: write_dead_log(site_folder.runs, f"SN-00000{slot}", count, slot=slot, **run)
+        for slot, count in solved.items()
+    }
+    finish_incomplete(site_folder.runs)
+    History(site_folder.runs).refresh()
+    return logs
+
+
+def offered(site_folder: SiteFolder) -> list[tuple[list[str], dict[str, str]]]:
+    """Return the units that can be resumed together and the reasons of the others, for every offer."""
+    found = find_interrupted(ignore_progress, site_folder.runs, STATION)
+    return [([run.serial for run in each.runs], dict(each.others)) for each in found]
+
+
+def test_units_of_a_killed_batch_are_offered_together(batch: SiteFolder) -> None:
+    assert offered(batch) == [(list(SERIALS), {})]
+    (closed,) = batch.runs.glob("SN-000002*.h5")
+    close_incomplete(closed)
+    assert offered(batch) == [([SERIALS[0], SERIALS[2]], {SERIALS[1]: "closed"})]
+    assert find_interrupted(ignore_progress, batch.runs, "another") == []
+
+
+def test_units_that_did_not_get_as_far_are_named(site_folder: SiteFolder) -> None:
+    """The process may die between the solutions of a stage of two units."""
+    site_folder.write(units=3)
+    write_batch(site_folder, {"1": 2, "2": 1, "3": 0})
+    assert offered(site_folder) == [(list(SERIALS[:2]), {SERIALS[2]: "nothing_completed"})]
+
+
+def test_scanned_units_of_an_interrupted_batch_are_resumed_in_the_order_of_their_slots(batch: SiteFolder) -> None:
+    start = RunStart(batch_of(batch), "operator")
+    question = start.next_question()
+    assert question is not None
+    assert (question.text.code, question.answers) == ("question.units_resume", ("resume", "anew"))
+    assert str(question.refusal).count("--resume ") == 3
+    start.answer(question, "resume")
+    request = start.request
+    assert (request.serials, request.batch) == (SERIALS, "B-7")
+    assert [log.name[:9] for log in request.resumes] == list(SERIALS)
+    assert request.resume == request.resumes[0]
+    units = Continuation.of_all(request)
+    assert [(unit.request.serial, unit.request.slot, unit.finished) for unit in units] == [
+        (serial, slot, ("rate",)) for serial, slot in zip(SERIALS, "123", strict=True)
+    ]
+    assert {unit.request.batch_units for unit in units} == {SERIALS}
+
+
+def test_unit_in_another_slot_is_not_resumed_and_named(batch: SiteFolder) -> None:
+    start = RunStart(batch_of(batch, serials=(SERIALS[0], "SN-000009", SERIALS[1])), "operator")
+    question = start.next_question()
+    assert question is not None
+    text = str(question.text)
+    for words in ("SN-000002 (it was in another slot)", "SN-000003 (it is not in its slot", "SN-000009 (it was not in"):
+        assert words in text
+    start.answer(question, "resume")
+    assert start.request.serials == (SERIALS[0], "", "")
+    request = start.request
+    swapped = replace(request, serial=SERIALS[0], serials=("", SERIALS[0]))
+    with raises_code(ConfigurationError, "run.other_slot"):
+        Continuation.of_all(swapped)
+
+
+def test_units_that_were_all_moved_are_not_resumed(batch: SiteFolder) -> None:
+    start = RunStart(batch_of(batch, serials=(SERIALS[1], SERIALS[0])), "operator")
+    question = start.next_question()
+    assert question is not None
+    assert (question.text.code, question.answers) == ("question.units_in_other_slots", ("anew",))
+    start.answer(question, "anew")
+    assert start.next_question() is None
+    assert start.request.resumes == ()
+
+
+def test_logs_name_the_units_and_slots_of_a_batch(batch: SiteFolder) -> None:
+    logs = sorted(batch.runs.glob("*.h5"), reverse=True)
+    request = RunRequest("", batch.station, batch.product, resume=logs[0], resumes=tuple(logs))
+    assert RunStart(request, "engineer").request.serials == SERIALS
+    with raises_code(ConfigurationError, "run.same_slot"):
+        RunStart(replace(request, resumes=(logs[0], logs[0])), "engineer")
+    batch.write(units=2)
+    with raises_code(ConfigurationError, "run.no_slot"):
+        RunStart(request, "engineer")
+
+
+def test_logs_of_different_batches_are_not_resumed_together(batch: SiteFolder) -> None:
+    run = {"batch": "B-8", "batch_units": ["SN-000009"], "station": STATION, "seed": 5, "slot": "2"}
+    other = write_dead_log(batch.runs, "SN-000009", **run)
+    (first,) = batch.runs.glob("SN-000001*.h5")
+    with raises_code(ConfigurationError, "run.other_batch"):
+        RunStart(RunRequest("", batch.station, batch.product, resume=first, resumes=(first, other)), "engineer")
+
+
+PLANNED = ("temperature",)
+
+
+def completed(*temperatures: int, stages: tuple[str, ...] = ()) -> Completed:
+    return Completed(PLANNED, stages, {"temperature": frozenset(temperatures)})
+
+
+def test_units_continue_after_the_last_temperature_that_all_have_completed() -> None:
+    first, second = completed(1, 2, 3), completed(1, 2)
+    assert second.is_near(first)
+    assert completed_by_all([first, second]).amount == (0, 2)
+    assert not completed(1).is_near(first)
+    solved = completed(1, 2, 3, stages=PLANNED)
+    assert first.is_near(solved)
+    assert completed_by_all([solved, first]).amount == (0, 3)
+    assert not completed(1).is_near(solved)
