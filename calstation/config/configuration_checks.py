@@ -99,6 +99,8 @@ def temperature_ranges(setup: "RunConfiguration") -> dict[str, tuple[float, floa
 def product_errors(setup: "RunConfiguration") -> Iterator[EntryError]:
     """Yield the entries of the product that do not suit the unit."""
     yield from register_conflicts(setup.product, setup.imu)
+    if "temperature" in setup.stages and setup.imu.states:
+        yield EntryError("temperature.states", "temperature", states=setup.imu.states)
     yield from unknown_targets(setup.product.targets, "targets")
     for stage, schedule in setup.schedules.items():
         yield from unknown_targets(getattr(schedule, "targets", {}), "schedule", stage, "targets")

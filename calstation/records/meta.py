@@ -300,6 +300,12 @@ class LogMeta(StrictModel):
                 raise EntryError("log.imu_rates", f"imu{number}", "sample_rate_hz", rate=rate, primary=primary)
         return self
 
+    @model_validator(mode="after")
+    def _check_states(self) -> "LogMeta":
+        if self.temperature is not None and self.model is not None and self.model.states:
+            raise EntryError("temperature.states", "model", "states", states=self.model.states)
+        return self
+
     @field_validator("registers")
     @classmethod
     def _check_registers(cls, table: dict[str, float]) -> dict[str, float]:

@@ -206,9 +206,14 @@ def _record_of(path: Path, result: Result, stored: Result | None) -> ResolveReco
 
 
 def with_states(meta: LogMeta, states: tuple[EffectName, ...]) -> tuple[LogMeta, list[EffectName]]:
-    """Return the configuration of a log with more states in its model, and the states that were added."""
+    """Return the configuration of a log with more states in its model, and the states that were added.
+
+    Raises ConfigurationError for a log over temperature.
+    """
     present = meta.model.states if meta.model is not None else []
     added = [state for state in dict.fromkeys(states) if state not in present]
+    if added and meta.temperature is not None:
+        raise ConfigurationError("temperature.states", states=added)
     return meta.model_copy(update={"model": ModelSection(states=[*present, *added])} if added else {}), added
 
 

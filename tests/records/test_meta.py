@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 from records_samples import META
 
-from calstation.errors import InputError
+from calstation.errors import ConfigurationError, InputError
 from calstation.physics import ALIGNED, COUNT, INDEX, PARAMETERS, group_indices
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
 from calstation.records.meta import meta_from_json
+from calstation.results import with_states
 from calstation.schema import load
+from tests.helpers import error_code, raises_code
 
 
 def test_configuration_survives_toml_and_json(meta: LogMeta) -> None:
@@ -123,3 +125,16 @@ def test_pairs_of_numbers_are_read_from_toml() -> None:
     assert context_from_meta(meta).table.axis_offset == pytest.approx((1e-4, -2e-4))
     assert meta.temperature.range_c == (-40.0, 85.0)
     assert LogMeta.model_validate(tomllib.loads(meta.to_toml())) == meta
+
+
+def test_states_of_the_model_are_refused_over_temperature(meta: LogMeta, tmp_path: Path) -> None:
+    """The fit over temperature has no states beside the 30 parameters, and would leave them out silently."""
+    text = '[model]\nstates = ["g_sensitivity"]\n[temperature]\nrange_c = [-40.0, 85.0]\n'
+    path = tmp_path / "log.toml"
+    path.write_text(_toml({**META, **tomllib.loads(text)}), encoding="utf-8")
+    with pytest.raises(ConfigurationError) as caught:
+        load(LogMeta, path)
+    assert error_code(caught.value) == "model.states temperature.states"
+    over_temperature = LogMeta.model_validate({**META, "temperature": {"range_c": [-40.0, 85.0]}})
+    with raises_code(ConfigurationError, "temperature.states"):
+        with_states(over_temperature, ("g_sensitivity",))

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calstation.config import RunRequest, check_station, load_configuration
+from calstation.config import RunRequest, check_station, library, load_configuration
 from calstation.errors import ConfigurationError
 from calstation.physics import TEMPERATURES
 from calstation.records import open_log
 from calstation.results import resolve
 from calstation.runs import Engine, RunStart, execute, find_interrupted, find_resumable, finish_incomplete
 from calstation.sequencer import Command, Control, Event, Finalized, Message, PointCompleted, StepStarted
-from tests.helpers import ignore_progress, raises_code
+from tests.helpers import error_code, ignore_progress, raises_code
 from tests.runs.test_batch_runs import batch_of, run_batch
 from tests.site_folder import SiteFolder
 
@@ -73,6 +73,20 @@ def test_stage_without_a_chamber_or_with_other_stages_is_refused(site_folder: Si
     write(site_folder)
     with raises_code(ConfigurationError, "temperature.not_alone"):
         site_folder.run("designed", "temperature")
+
+
+def test_states_of_the_imu_profile_are_refused(
+    site_folder: SiteFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(site_folder)
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
+    profile = library.find("imus", "bench_mems_thermal").read_text(encoding="utf-8")
+    folder = library.site_folder() / "imus"
+    folder.mkdir(parents=True)
+    (folder / "bench_mems_thermal.toml").write_text(f'states = ["g_sensitivity"]\n{profile}', encoding="utf-8")
+    with pytest.raises(ConfigurationError) as caught:
+        load_configuration(site_folder.request())
+    assert error_code(caught.value) == "temperature temperature.states"
 
 
 @pytest.mark.parametrize(("points", "ambient", "outside"), [([26.0, 90.0], 23.0, 90.0), ([60.0, 80.0], 23.0, 23.0)])
