@@ -301,11 +301,11 @@ class RunDriver:
         def tick() -> None:
             self._context.clock.sleep(self._context.clock.tick)
             self._context.control.take()
-            for unit in self.units:
+            for unit in self.units.loaded:  # also those whose results are complete, which are as hot or cold
                 with suppress(Exception):  # a unit that cannot be read has no temperature
                     unit.drain()
 
-        self._report_failures(chamber.wait_until_safe(self.units.temperatures, tick))
+        self._report_failures(chamber.wait_until_safe(lambda: self.units.temperatures(loaded=True), tick))
 
     def _report_failures(self, failures: Iterable[Text], *, of_table: bool = False) -> None:
         for failure in failures:

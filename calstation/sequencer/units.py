@@ -146,6 +146,8 @@ class Units:
         steps = [slot.after.step + 1 for slot in context.slots if slot.after is not None]
         self.tags = SampleTags(max(steps, default=0))
         self._active = [Unit(context, slot, self.tags) for slot in context.slots]
+        #: All units on the table, also those that have left the run.
+        self.loaded = tuple(self._active)
         self._current: Unit | None = None
         self._table_errors: list[CalstationError] = []
         # Solving, and writing the results of units that leave, happen in threads, because the control loop must feed
@@ -172,9 +174,10 @@ class Units:
         """The first unit, which is the only unit on a manual rig, on a gimbal and in a register operation."""
         return self._active[0]
 
-    def temperatures(self) -> dict[str, float]:
-        """Return the known temperatures of the units by slot, °C."""
-        return {unit.slot.name: value for unit in self if (value := unit.temperature) is not None}
+    def temperatures(self, *, loaded: bool = False) -> dict[str, float]:
+        """Return the known temperatures of the units, or of all `loaded` units, by slot, °C."""
+        units = self.loaded if loaded else self
+        return {unit.slot.name: value for unit in units if (value := unit.temperature) is not None}
 
     def of(self, units: Iterable[Unit]) -> list[Unit]:
         """Return the given units that are still in the run."""

@@ -301,6 +301,22 @@ def test_all_units_of_a_batch_must_be_steady_and_one_that_is_not_leaves() -> Non
     assert len(batch.of(PointCompleted)) == 1
 
 
+def test_chamber_waits_for_units_whose_results_are_complete() -> None:
+    """Units of a batch leave the run with their results, and still show in the chamber when it may be opened."""
+    batch = Batch(2, stage([60.0]))
+    batch.task = replace(batch.task, chamber=LIMITS)
+    batch.chamber = FakeChamber(batch.clock.now, rate=0.5, lag=300.0)
+    for unit in batch.units:
+        unit.imu.chamber, unit.passes = batch.chamber, False
+    batch.run()
+    assert [unit.ends[0].state for unit in batch.units] == [State.DONE, State.DONE]
+    returning = [event.values for event in batch.of(Message) if event.id == "chamber_returning"]
+    assert returning[1]["unit_c"] > returning[1]["air_c"] + 15.0
+    assert len(returning) < 10, "without temperatures, the chamber stays closed for half an hour at ambient"
+    opened = next(event.values for event in batch.of(Message) if event.id == "chamber_may_be_opened")
+    assert 40.0 < opened["unit_c"] <= 43.0
+
+
 class Drifting:
     """A unit whose temperature rises by 0.6 K/min."""
 
