@@ -23,6 +23,7 @@ from calstation.quality.gauge import GaugeStudy, check_size, crossed, gauge_stud
 from calstation.quality.runs import judged_runs, product_runs
 from calstation.quality.summary import known_products, limit_interval
 from calstation.records import Categories, RunColumns, write_atomic
+from calstation.results import History
 
 SCHEMA: Literal["calstation.gauge_plan/2"] = "calstation.gauge_plan/2"
 
