@@ -313,7 +313,8 @@ def outcome_text(result: Result) -> Text:
             t_squared_limit=standard.t_squared_limit,
         )
     if verdict is Verdict.FAILED and result.partial:
-        return Text.of("outcome.partial_failed", stages=result.stages, left=len(result.not_compared))
+        left = len(result.not_compared)
+        return Text.of("outcome.partial_failed", stages=result.stages, left=left, limits=result.limits_text)
     if verdict is Verdict.PARTIAL:
         code = "outcome.partial" if written else "outcome.partial_not_written"
         return Text.of(code, stages=result.stages, left=len(result.not_compared))
@@ -325,7 +326,7 @@ def outcome_text(result: Result) -> Text:
         if result.stop_reason in (None, "", "operator"):
             return Text("outcome.stopped_by_operator")
         return Text.of("outcome.stopped_because", reason=result.stop_reason)
-    return Text(f"outcome.{verdict}")
+    return Text.of(f"outcome.{verdict}", limits=result.limits_text)
 
 
 class _Display:

@@ -220,7 +220,7 @@ def _check_line(check: Check) -> str:
     code = f"cli.check_{check.kind}"
     name = say(code) if known(code) else check.name
     bounds = [f"{bound / size:.4g}" for bound in _bounds(check)]
-    what = say("cli.column_limit" if check.acceptance is None else "cli.column_accepted")
+    what = say("common.limit_column" if check.acceptance is None else "common.acceptance_limit_column")
     values = {"name": name, "value": f"{check.value / size:.4g}{unit}", "where": location}
     values |= {"verdict": say(verdict, limit=what), "what": what}
     limit = interval(*bounds) if len(bounds) == 2 else bounds[0]
@@ -234,6 +234,8 @@ def _bounds(check: Check) -> tuple[float, ...]:
 
 def _interval_text(name: str, limit: float | tuple[float, float]) -> str:
     bounds = limit if isinstance(limit, tuple) else (-math.inf, limit)
+    if bounds[0] > bounds[1]:  # the guard band leaves nothing
+        return "–"
     low, high = (display(name, bound)[0] for bound in bounds)
     return f"±{high:.4g}" if low == -high else interval(f"{low:.4g}", f"{high:.4g}")
 

@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field, JsonValue, PlainSerializer
 from calstation.errors import CalstationError, ConfigurationError, InputError
 from calstation.estimation.common import Consistency
 from calstation.judgement import Check, Conformity, End, StandardComparison, verdict_of
-from calstation.messages import known, os_reason, values_from_json
+from calstation.messages import Text, known, os_reason, values_from_json
 from calstation.parsing import read_json
 from calstation.physics import EFFECT_STATES, NAMES, EffectName, FloatArray, parameter_vector
 from calstation.records import FileSection, OnlineDifference, Verdict, covariance_from, write_atomic
@@ -357,6 +357,12 @@ class Result(ResultSection):
     def failed_checks(self) -> list[Check]:
         """The checks that did not pass."""
         return [check for check in self.checks if not check.passed]
+
+    @property
+    def limits_text(self) -> Text:
+        """What the failed checks exceed: acceptance limits if the decision rule narrowed the limit of any."""
+        guarded = any(check.acceptance is not None for check in self.failed_checks)
+        return Text("common.acceptance_limits" if guarded else "common.limits")
 
     @property
     def missing_state(self) -> Check | None:

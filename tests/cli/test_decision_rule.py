@@ -34,7 +34,10 @@ def test_guard_band_applies_to_a_run_and_its_re_solved_log(calstation, tmp_path:
     again = calstation("resolve", log, "--json", "-")
     assert (again.code, again.json["conformity"]) == (1, found)
     shown = calstation("resolve", log).out
-    assert "acceptance limit" in shown
+    assert "OUTSIDE the product's acceptance limits." in shown
+    rows = {line.split()[0]: line.split() for line in shown.splitlines() if line.startswith("  ") and line.strip()}
+    assert rows["accel_quadratic_x"][-3] == "–"  # no value can be accepted
+    assert rows["accel_quadratic_x"][-1] == "OUTSIDE"
     assert "Acceptance limit: the limit of the product less a guard band of 2 σ." in shown
     assert "Decision rule guard_band." in shown
 

@@ -74,7 +74,7 @@ def resolve(
         without_verdict = "in_part" if solved.missing_data else reason
         within_limits = "partial" if solved.result.partial else "passed"
         ending = without_verdict if passed is None else within_limits if passed else "failed"
-        out.print(say(f"cli.resolved_{ending}", stages=solved.result.stages))
+        out.print(say(f"cli.resolved_{ending}", stages=solved.result.stages, limits=solved.result.limits_text))
     if solved.missing_data:
         raise InsufficientDataError(
             "cli.stages_lacking",

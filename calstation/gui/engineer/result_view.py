@@ -98,7 +98,7 @@ def verdict_badge(result: Result) -> tuple[str, str]:
     if result.outcome != "resolved":
         return KINDS.get(result.verdict, "none"), verdict_text(result)
     kind = {None: "none", True: "partial" if result.partial else "good", False: "bad"}[result.passed]
-    return kind, say(f"engineer.resolved_{kind if result.tested else 'untested'}")
+    return kind, say(f"engineer.resolved_{kind if result.tested else 'untested'}", limits=result.limits_text)
 
 
 class ResultView(QWidget):
