@@ -6,7 +6,9 @@ from typing import Any
 import pytest
 
 from calstation.cli.run import outcome_text
-from calstation.results import Result, load_result
+from calstation.messages import sentence
+from calstation.results import SCHEMA, Result, load_result
+from tests.check_rows import check_row
 from tests.shared_runs import SharedRuns
 
 STANDARD = {
@@ -44,3 +46,20 @@ def test_outcome_line_matches_the_result(
     assert text.code == f"outcome.{code}"
     if code.startswith("standard"):
         assert (text.values["parameter"], text.values["e_n"]) == ("gyro_bias_y", 1.7)
+
+
+@pytest.mark.parametrize(
+    ("acceptance", "english", "chinese"),
+    [
+        (None, "FAILED: outside the limits", "不合格：超出限差"),
+        ([-9e-4, 9e-4], "FAILED: outside the acceptance limits", "不合格：超出接受限"),
+    ],
+)
+def test_outcome_line_names_the_limits_that_were_applied(
+    acceptance: list[float] | None, english: str, chinese: str
+) -> None:
+    check = check_row("within", "gyro_scale_x", 9.5e-4, [-1e-3, 1e-3], passed=False, acceptance=acceptance)
+    row = {"schema": SCHEMA, "unit": {"serial": "SN-1"}, "stages": [], "outcome": "failed", "parameters": {}}
+    text = outcome_text(Result.from_json({**row, "checks": [check], "log": {"file": "log.h5"}}))
+    assert sentence(text) == english
+    assert sentence(text, "zh_CN") == chinese
