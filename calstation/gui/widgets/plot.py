@@ -300,6 +300,12 @@ class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
         """Offer to copy or save the plot."""
         self.menu.open(event)
 
+    def setLabel(self, side: str, text: str) -> None:
+        """Set the label of an axis, and centre it, which pyqtgraph does only when the axis is resized."""
+        self.getPlotItem().setLabel(side, text)
+        self.getPlotItem().layout.activate()  # a label enlarges its axis
+        self.getAxis(side).resizeEvent()
+
     def write_csv(self, target: Path) -> None:
         """Write the data of the plot to a file."""
         CSVExporter(self.getPlotItem()).export(str(target))
