@@ -1,14 +1,14 @@
 """Interrupted runs that can be resumed together: the run of a unit, or the runs of the units of a batch."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text
-from calstation.records import RunFilter, Verdict
+from calstation.records import RunFilter, RunRecord, Verdict
 from calstation.results import History
-from calstation.runs.resume import Resumable, as_resumable, best_run
+from calstation.runs.resume import Resumable, as_resumable, best_record, best_run
 
 #: Maximum number of runs, or of batches, that are offered, the latest ones.
 _MAX_OFFERED = 20
@@ -84,7 +84,7 @@ def interrupted_units(history: History, slots: Mapping[str, str], station: str) 
     slots : name of the present slot of each unit, by serial number
     station : name of the station
     """
-    runs = [run for serial in slots if (run := best_run(history.of(serial), station)) is not None]
+    runs = [run for serial in slots if (run := best_record(history.of(serial), station)) is not None]
     misplaced: Interrupted | None = None
     for batch in _batches(runs):
         for interrupted in _of_batch(history, batch, station):
@@ -102,7 +102,7 @@ def interrupted_units(history: History, slots: Mapping[str, str], station: str) 
     return misplaced
 
 
-def _batches(runs: Sequence[Resumable]) -> list[str]:
+def _batches(runs: Iterable[Resumable | RunRecord]) -> list[str]:
     """Return the batches of the runs, the latest first."""
     latest = sorted(runs, key=lambda run: run.started_utc, reverse=True)
     return list(dict.fromkeys(run.batch for run in latest if run.batch is not None and run.slot is not None))

@@ -122,7 +122,14 @@ def resumable_run(folder: Path, serial: str, station: str) -> Resumable | None:
 
 
 def best_run(runs: Sequence[RunRecord], station: str | None) -> Resumable | None:
-    """Return the resumable run with the most finished stages since the last verdict on the unit at any station.
+    """Return the run of `best_record` if its log permits to resume it, or None."""
+    best = best_record(runs, station)
+    resumable = None if best is None else as_resumable(best)
+    return resumable if isinstance(resumable, Resumable) else None
+
+
+def best_record(runs: Sequence[RunRecord], station: str | None) -> RunRecord | None:
+    """Return the incomplete run with the most finished stages since the last verdict on the unit at any station.
 
     Parameters
     ----------
@@ -137,8 +144,7 @@ def best_run(runs: Sequence[RunRecord], station: str | None) -> Resumable | None
             continue  # only the station at which a run began can resume it
         if (run.stages or run.resumable) and (best is None or len(run.stages) > len(best.stages)):
             best = run
-    resumable = None if best is None else as_resumable(best)
-    return resumable if isinstance(resumable, Resumable) else None
+    return best
 
 
 def as_resumable(record: RunRecord) -> Resumable | str:

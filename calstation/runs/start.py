@@ -1,6 +1,6 @@
 """Start of a run: the questions before it, the reasons to refuse it, and the request that the engine executes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -262,15 +262,21 @@ def _complete_resumed(request: RunRequest) -> RunRequest:
         if slot in units:
             raise ConfigurationError("run.same_slot", path=log, other=units[slot][1], slot=slot)
         units[slot] = meta.imu.serial, log
-    occupied = [units[name] for name in station.slot_names if name in units]
+    batch = None if metas[0].run is None else metas[0].run.batch
+    return _resumed_batch(replace(request, product=product), units, batch)
+
+
+def _resumed_batch(request: RunRequest, units: Mapping[str, tuple[str, Path]], batch: str | None) -> RunRequest:
+    """Return the request that resumes a batch; `units` contains the serial number and the log of each unit by slot."""
+    names = load_station(request.station)[1].slot_names
+    occupied = [units[name] for name in names if name in units]
     return replace(
         request,
         serial=occupied[0][0],
-        serials=tuple(units[name][0] if name in units else "" for name in station.slot_names),
-        product=product,
+        serials=tuple(units[name][0] if name in units else "" for name in names),
         resume=occupied[0][1],
         resumes=tuple(log for _, log in occupied),
-        batch=None if metas[0].run is None else metas[0].run.batch,
+        batch=batch,
     )
 
 

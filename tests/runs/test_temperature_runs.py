@@ -236,3 +236,25 @@ def resumed_batch(folder: SiteFolder, serials: tuple[str, ...]) -> RunRequest:
     start.answer(question, "resume")
     assert start.next_question() is None
     return start.request
+
+
+@pytest.mark.long
+def test_units_of_a_batch_are_calibrated_during_ramps(thermal: SiteFolder) -> None:
+    """The clocks and lags of two units differ, and the registers are verified between the ends of the ramps."""
+    schedule = {**PRODUCT["schedule"]["temperature"], "points_c": [18.0, 46.0, 18.0], "ramp_c_per_min": 3.0}
+    temperature = {"range_c": [22.0, 50.0], "order": "auto", "rate_term": ["gyro_bias", "accel_bias"]}
+    product = {**PRODUCT, "temperature": temperature, "schedule": {"temperature": schedule}}
+    thermal.write(product, {"chamber": {"profile": "virtual_chamber"}}, thermal=THERMAL, units=2)
+    verdicts = run_batch(thermal, batch_of(thermal, serials=("SN-000001", "SN-000002")))
+    assert list(verdicts) == ["1", "2"]
+    for ended in verdicts.values():
+        assert ended.verdict.passed, [c for c in ended.result["checks"] if not c["passed"]]
+        assert ended.result["registers"]["verified"] is True
+        ways = [point["way"] for point in ended.result["temperature"]["points"]]
+        assert ways.count("up") > 5
+        assert ways.count("down") > 5
+        assert ended.result["temperature"]["coefficients"]["gyro_bias_x"]["rate"] is not None
+    ramps = [step.label for step in thermal.events_of(StepStarted) if step.kind == "ramp"]
+    assert ramps == [("ramp", 46.0, 3.0), ("ramp", 18.0, 3.0)]
+    soaks = [step.label for step in thermal.events_of(StepStarted) if step.kind.startswith("soak")]
+    assert soaks[-1] == ("soak_to_verify", 38.0)
