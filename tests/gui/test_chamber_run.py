@@ -90,7 +90,7 @@ def test_soak_shows_temperatures_its_reason_and_the_curves(thermal: ThermalRun) 
     thermal.panel.refresh()
     assert "within the limit of 0.05 °C/min" in thermal.panel.words.text()
     thermal.operator.widget("language_combo", QComboBox).setCurrentIndex(1)
-    assert thermal.panel.words.text().startswith("在 −40 °C 恒温：产品变化率 0.02 °C/min")
+    assert thermal.panel.words.text().startswith("在 −40 °C 保温：产品变化率 0.02 °C/min")
     thermal.emit(replace(SOAK, limit=None, rates={}))
     thermal.panel.refresh()
     assert thermal.panel.words.text() == "正处于 −40 °C"
