@@ -102,7 +102,7 @@ def _ask_questions(request: RunRequest, answers: Mapping[str, str | None], confi
     if request.out.is_dir():
         History(request.out).refresh()
     has_options = request.stages is not None or request.seed is not None
-    if (has_options and request.resume is not None) or (request.serials and request.resumes):
+    if has_options and request.resume is not None:
         raise ConfigurationError("cli.resume_options")
     start = RunStart(request, "engineer")
     while (question := start.next_question()) is not None:

@@ -1,6 +1,6 @@
 """Start of a run: the questions before it, the reasons to refuse it, and the request that the engine executes."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -97,12 +97,13 @@ class RunStart:
         Raises ConfigurationError or InputError if an interrupted run cannot be resumed.
         """
         if answer == "resume" and self._interrupted is not None:
-            logs = self._interrupted.logs
-            product = product_of(logs[0]) or self.request.product
-            request = replace(
-                self.request, resume=logs[0], resumes=logs if self.request.serials else (), product=product
-            )
-            self._set_request(_complete_resumed(request))
+            runs, request = self._interrupted.runs, replace(self.request, product=None)
+            if request.serials:
+                units = {run.slot or "": (run.serial, run.log) for run in runs}
+                request = _resumed_batch(request, units, runs[0].batch)
+            else:
+                request = replace(request, resume=runs[0].log, product=product_of(runs[0].log))
+            self._set_request(replace(request, product=request.product or self.request.product))
         elif answer == "beyond":
             self.request = replace(self.request, beyond_attempts=True)
         self._answered.add(question.subject)
@@ -242,40 +243,62 @@ def _complete_request(request: RunRequest, history: History) -> RunRequest:
 def _complete_resumed(request: RunRequest) -> RunRequest:
     """Complete a request that resumes runs with their product, and with the units and slots of the logs.
 
-    Raises ConfigurationError if the product is unknown or two logs are of the same slot, or InputError if a log cannot
-    be read.
+    Raises ConfigurationError if the product is unknown, two logs are of the same slot, or the request names other units
+    than the logs, and InputError if a log cannot be read.
     """
     logs = request.resumes or ((request.resume,) if request.resume is not None else ())
     metas = [open_log(log).meta for log in logs]
-    product, name = request.product or product_of(logs[0]), _product_name(metas[0])
-    if product is None and name is not None:
-        raise ConfigurationError("run.resume_product", path=logs[0], name=name)
-    slots = [None if meta.run is None else meta.run.slot for meta in metas]
-    if not request.resumes:
+    given = set(filter(None, request.serials))
+    if len(given) > (0 if request.resumes else 1) and given != {meta.imu.serial for meta in metas}:
+        raise ConfigurationError("batch.resume")
+    if request.resumes:
+        batch = None if metas[0].run is None else metas[0].run.batch
+        request = _resumed_batch(request, _by_slot(request, metas), batch)
+    else:
         serial = next(filter(None, (request.serial, *request.serials)), metas[0].imu.serial)
-        return replace(request, serial=serial, serials=(), product=product, slot=slots[0])
+        slot = None if metas[0].run is None else metas[0].run.slot
+        product = request.product or product_of(logs[0])
+        request = replace(request, serial=serial, serials=(), product=product, slot=slot)
+    name = _product_name(metas[0])
+    if request.product is None and name is not None:
+        raise ConfigurationError("run.resume_product", path=logs[0], name=name)
+    return request
+
+
+def _by_slot(request: RunRequest, metas: Sequence[LogMeta]) -> dict[str, tuple[str, Path]]:
+    """Return the serial number and the log of each unit of a batch by slot. Raises ConfigurationError."""
     units: dict[str, tuple[str, Path]] = {}
     station = load_station(request.station)[1]
-    for log, meta, slot in zip(logs, metas, slots, strict=True):
+    for log, meta in zip(request.resumes, metas, strict=True):
+        slot = None if meta.run is None else meta.run.slot
         if slot not in station.slot_names:
             raise ConfigurationError("run.no_slot", path=log, slot=slot or "–", station=station.name)
         if slot in units:
             raise ConfigurationError("run.same_slot", path=log, other=units[slot][1], slot=slot)
         units[slot] = meta.imu.serial, log
-    batch = None if metas[0].run is None else metas[0].run.batch
-    return _resumed_batch(replace(request, product=product), units, batch)
+    return units
 
 
 def _resumed_batch(request: RunRequest, units: Mapping[str, tuple[str, Path]], batch: str | None) -> RunRequest:
-    """Return the request that resumes a batch; `units` contains the serial number and the log of each unit by slot."""
-    names = load_station(request.station)[1].slot_names
-    occupied = [units[name] for name in names if name in units]
+    """Return the request that resumes a batch; its product is that of the slots without one of their own.
+
+    Parameters
+    ----------
+    request : request with the station, and with the product if it is known
+    units : serial number and log of each unit by slot
+    batch : identifier of the batch
+    """
+    station = load_station(request.station)[1]
+    occupied = [(name, *units[name]) for name in station.slot_names if name in units]
+    own = {slot.name for slot in station.slots if slot.product is not None}
+    shared = next((log for name, _, log in occupied if name not in own), occupied[0][2])
     return replace(
         request,
-        serial=occupied[0][0],
-        serials=tuple(units[name][0] if name in units else "" for name in names),
-        resume=occupied[0][1],
-        resumes=tuple(log for _, log in occupied),
+        serial=occupied[0][1],
+        serials=tuple(units[name][0] if name in units else "" for name in station.slot_names),
+        product=request.product or product_of(shared),
+        resume=occupied[0][2],
+        resumes=tuple(log for _, _, log in occupied),
         batch=batch,
     )
 

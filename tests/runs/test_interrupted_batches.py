@@ -110,6 +110,14 @@ def test_logs_name_the_units_and_slots_of_a_batch(batch: SiteFolder) -> None:
     assert RunStart(request, "engineer").request.serials == SERIALS
     with raises_code(ConfigurationError, "run.same_slot"):
         RunStart(replace(request, resumes=(logs[0], logs[0])), "engineer")
+    for serials in (SERIALS[:2], (*SERIALS[:2], "SN-000009")):
+        with raises_code(ConfigurationError, "batch.resume"):
+            RunStart(replace(request, serials=serials), "engineer")
+    with raises_code(ConfigurationError, "batch.resume"):
+        RunStart(replace(request, serials=SERIALS[:2], resumes=()), "engineer")
+    assert (
+        RunStart(replace(request, serials=SERIALS[1:2], resumes=logs[1:2]), "engineer").request.serials[1] == SERIALS[1]
+    )
     batch.write(units=2)
     with raises_code(ConfigurationError, "run.no_slot"):
         RunStart(request, "engineer")

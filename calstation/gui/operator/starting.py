@@ -287,7 +287,9 @@ class RunStarter(QObject):
     def ask_transfer(self, request: RunRequest, serial: str) -> None:
         """Ask whether to undo or finish an interrupted transfer, then start a run of this unit only."""
         slots = tuple(other if other == serial else "" for other in request.serials)
-        request = replace(request, serial=serial, serials=slots, batch=None)
+        logs = dict(zip(filter(None, request.serials), request.resumes, strict=False))
+        resumes = (logs[serial],) if serial in logs else ()
+        request = replace(request, serial=serial, serials=slots, batch=None, resumes=resumes)
         manual = self.run_summary is None or self.run_summary.by_hand
         code = "question.transfer_interrupted_manual" if manual else "question.transfer_interrupted"
         answers = {
@@ -301,12 +303,12 @@ class RunStarter(QObject):
         self._header.set_serial("")  # if the run is refused, no unit that was not scanned can be started
         self.slots.remove_units()
         logs = interrupted.logs
-        product = None
+        known = None
         with suppress(CalstationError):  # the dialog shows the error of the log
-            product = product_of(logs[0])
+            known = product_of(logs[0])
+        product = self._app.product_path if known is None else None
         resumes = logs if self.slots else ()
-        request = self._request("", product or self._app.product_path, None, resume=logs[0], resumes=resumes)
-        self.dialog.begin(request)
+        self.dialog.begin(self._request("", product, None, resume=logs[0], resumes=resumes))
 
     def _request(self, serial: str, product: Path | None, stages: tuple[str, ...] | None, **more: Any) -> RunRequest:
         app = self._app
