@@ -3,15 +3,19 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
 from calstation.config import RunRequest
-from calstation.errors import ConfigurationError
+from calstation.errors import ConfigurationError, InputError
 from calstation.results import History
 from calstation.runs import RunStart, find_interrupted, finish_incomplete
+from calstation.runs import run as run_module
 from calstation.runs.incomplete import close_incomplete
 from calstation.runs.resume import Completed, Continuation, completed_by_all
+from calstation.sequencer import LastSample, State, StopRequested
 from tests.dead_logs import write_dead_log
 from tests.helpers import ignore_progress, raises_code
 from tests.runs.test_batch_runs import SERIALS, batch_of
@@ -147,3 +151,46 @@ def test_units_continue_after_the_last_temperature_that_all_have_completed() -> 
     assert first.is_near(solved)
     assert completed_by_all([solved, first]).amount == (0, 3)
     assert not completed(1).is_near(solved)
+
+
+def evaluation(serial: str) -> Any:
+    """Return a mock of the evaluation of a unit whose run is open."""
+    run = Mock(serial=serial, chain=Mock(solutions=[]))
+    return Mock(run=run)
+
+
+@pytest.fixture
+def evaluations(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Evaluations of three units whose runs are resumed."""
+    monkeypatch.setattr(run_module, "unit_task", Mock())
+    return [evaluation(serial) for serial in SERIALS]
+
+
+def test_unit_whose_log_cannot_be_continued_leaves_the_resumed_batch(
+    evaluations: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def resume(run: Any) -> LastSample:
+        if run.serial == SERIALS[1]:
+            raise InputError("run.samples_missing", path="x.h5", stage="rate")
+        return LastSample(10, 0.1, 3)
+
+    monkeypatch.setattr(run_module, "_resume", resume)
+    slots = run_module._slots(evaluations)
+    assert [slot.evaluation for slot in slots] == [evaluations[0], evaluations[2]]
+    for slot in slots:
+        slot.imu.read.assert_called_once()  # the samples received meanwhile
+    (end,) = evaluations[1].ended.call_args.args
+    assert (end.state, end.error.code) == (State.FAULT, "run.samples_missing")
+    left = evaluations[1].run.emit.call_args_list[0].args[0]
+    assert (left.id, left.values["serial"]) == ("unit_left", SERIALS[1])
+
+
+def test_stop_while_logs_are_copied_ends_all_units(evaluations: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    def resume(run: Any) -> LastSample:
+        if run.serial == SERIALS[1]:
+            raise StopRequested
+        return LastSample(10, 0.1, 3)
+
+    monkeypatch.setattr(run_module, "_resume", resume)
+    assert run_module._slots(evaluations) == []
+    assert [each.ended.call_args.args[0].state for each in evaluations] == [State.STOPPED] * 3
