@@ -33,16 +33,23 @@ class Interrupted:
     @property
     def question(self) -> Text:
         """The question whether to resume the runs."""
-        units = [Text.of("question.not_resumed_unit", serial=serial, reason=reason) for serial, reason in self.others]
-        others = Text.of("question.not_resumed", units=units) if units else ""
         if not self.runs:
-            return Text.of("question.units_in_other_slots", others=others)
+            return Text.of("question.units_in_other_slots", others=self._reasons)
         run = min(self.runs, key=lambda run: run.completed.amount)
         finished, serials = len(run.finished), [each.serial for each in self.runs]
         stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
         code = "question.resume" if run.slot is None else "question.units_resume"
-        values = {"serial": run.serial, "serials": serials, "count": len(serials), "others": others}
+        values = {"serial": run.serial, "serials": serials, "count": len(serials), "others": self._reasons}
         return Text.of(code, number=finished + 1, stage=stage, when=run.started_utc, **values)
+
+    @property
+    def _reasons(self) -> Text | str:
+        """The other units by the reason why they are not resumed, or ""."""
+        serials: dict[str, list[str]] = {}
+        for serial, reason in self.others:
+            serials.setdefault(reason, []).append(serial)
+        units = [Text.of("question.not_resumed_units", serials=s, reason=reason) for reason, s in serials.items()]
+        return Text.of("question.not_resumed", units=units) if units else ""
 
 
 def find_resumable(progress: ProgressCallback, folder: Path, station: str | None = None) -> list[Resumable]:

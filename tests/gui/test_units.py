@@ -638,7 +638,7 @@ def test_interrupted_batch_is_resumed_together_from_its_page(operator: Operator,
     ]
     operator.window.operator_page._starting.interrupted.recover()
     operator.until(lambda: "2 units interrupted in stage 2" in operator.says())
-    assert "SN-000001, SN-000003 Not resumed: SN-000002 (it has completed no stage" in operator.says()
+    assert "SN-000001, SN-000003. Not resumed: SN-000002 (no stage or temperature completed)." in operator.says()
     assert operator.window.focusWidget() is operator.widget("later_choice")  # not what nobody has confirmed
     app.set_language("zh_CN")
     assert "不继续：SN-000002（没有完成任何阶段或温度点）" in operator.says()

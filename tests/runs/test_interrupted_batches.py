@@ -88,7 +88,11 @@ def test_unit_in_another_slot_is_not_resumed_and_named(batch: SiteFolder) -> Non
     question = start.next_question()
     assert question is not None
     text = str(question.text)
-    for words in ("SN-000002 (it was in another slot)", "SN-000003 (it is not in its slot", "SN-000009 (it was not in"):
+    for words in (
+        "SN-000002 (in another slot before)",
+        "SN-000003 (not in the slot now)",
+        "SN-000009 (not in the inter",
+    ):
         assert words in text
     start.answer(question, "resume")
     assert start.request.serials == (SERIALS[0], "", "")
