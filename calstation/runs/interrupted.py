@@ -39,8 +39,10 @@ class Interrupted:
         finished, serials = len(run.finished), [each.serial for each in self.runs]
         stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
         code = "question.resume" if run.slot is None else "question.units_resume"
+        points = run.completed.points
         values = {"serial": run.serial, "serials": serials, "count": len(serials), "others": self._reasons}
-        return Text.of(code, number=finished + 1, stage=stage, when=run.started_utc, **values)
+        kept = Text.of("question.temperatures_kept", count=points) if points else ""
+        return Text.of(code, number=finished + 1, stage=stage, when=run.started_utc, kept=kept, **values)
 
     @property
     def _reasons(self) -> Text | str:

@@ -233,6 +233,7 @@ def resumed_batch(folder: SiteFolder, serials: tuple[str, ...]) -> RunRequest:
     question = start.next_question()
     assert question is not None
     assert question.text.code == "question.units_resume"
+    assert "Temperatures that need not be repeated: 2." in str(question.text)
     start.answer(question, "resume")
     assert start.next_question() is None
     return start.request
