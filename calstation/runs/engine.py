@@ -73,8 +73,7 @@ class Engine:
     def __init__(self, child: ChildProcess, work: RunRequest | RegisterOperation | None = None) -> None:
         self._child, self.process = child, child.process
         self._has_event = False
-        #: Whether the work is a run of one unit, and whether it can be resumed if the process ends now.
-        self._single = isinstance(work, RunRequest) and not work.serials
+        #: Whether the work can be resumed if the process ends now.
         self._resumable = isinstance(work, RunRequest) and work.resume is not None
         self._pending_units = sum(map(bool, work.serials)) or 1 if isinstance(work, RunRequest) else 1
         self.ended = False
@@ -167,7 +166,7 @@ class Engine:
             else:
                 event = from_json(message)
                 self._has_event = True
-                if self._single and can_be_resumed([{"event": type(event).__name__}]):
+                if can_be_resumed([{"event": type(event).__name__}]):
                     self._resumable = True
                 if isinstance(event, Finalized | Settled):
                     self._pending_units -= 1

@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from queue import Queue
 from types import SimpleNamespace
@@ -154,16 +153,15 @@ def test_engine_that_compiles_the_solver_may_be_silent_for_longer(monkeypatch: p
 
 
 @pytest.mark.parametrize(
-    ("serials", "event", "english", "chinese"),
+    ("event", "english", "chinese"),
     [
-        ((), StageStarted("rate", 0, 2, 60.0), "then start again.", "然后重新开始。"),
-        ((), SOLVED, "then resume the run after its last completed stage, or start again.", "之后接着做，或重新开始。"),
-        (("SN-1", "SN-2"), SOLVED, "then start again.", "然后重新开始。"),
+        (StageStarted("rate", 0, 2, 60.0), "then start again.", "然后重新开始。"),
+        (SOLVED, "then resume the run after its last completed stage, or start again.", "之后接着做，或重新开始。"),
     ],
-    ids=["no stage", "stage", "batch"],
+    ids=["no stage", "stage"],
 )
 def test_dead_engine_offers_to_resume_only_after_a_completed_stage(
-    site_folder: SiteFolder, serials: tuple[str, ...], event: Event, english: str, chinese: str
+    site_folder: SiteFolder, event: Event, english: str, chinese: str
 ) -> None:
     messages = iter([to_json(event)])
 
@@ -174,7 +172,7 @@ def test_dead_engine_offers_to_resume_only_after_a_completed_stage(
             raise EOFError from None
 
     process = SimpleNamespace(join=lambda _: None, exitcode=-9)
-    request = replace(site_folder.request("rate"), serials=serials)
+    request = site_folder.request("rate")
     fault = Engine(cast(Any, SimpleNamespace(process=process, take=take)), request).poll()[-1]
     assert isinstance(fault, Fault)
     fault = from_json(to_json(fault))
