@@ -192,6 +192,7 @@ class BenchConfig(Settings):
     warm_up_c: float = 4.0
     warm_up_time_s: Positive = 30.0
     flash_file: Path | None = None
+    interruptions: Annotated[int, Field(ge=0)] = 0
     flash_banks: Literal[1, 2] = 2
     orders: tuple[FaultCommand, ...] = ()
     report_file: Path | None = None

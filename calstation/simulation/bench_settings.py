@@ -3,6 +3,8 @@
 import random
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
@@ -10,7 +12,9 @@ import numpy as np
 
 from calstation.config import STATION_ENTRIES, PairConfiguration, RunConfiguration
 from calstation.devices.profiles import TableProfile
+from calstation.errors import InputError
 from calstation.physics import TEMPERATURES
+from calstation.records import open_log
 
 #: Folder of the flash memories of the units, next to the runs.
 _FLASH_FOLDER = "bench"
@@ -102,10 +106,21 @@ def _settings(setup: RunConfiguration, bench: Mapping[str, Any]) -> Settings:
     }
     if setup.request.seed is not None:
         settings["seed"] = setup.request.seed
+    if setup.request.resume is not None:
+        settings["interruptions"] = _interruptions(setup.request.resume)
     if setup.request.speed is not None:
         settings["speed"] = setup.request.speed
     flash = f"{quote(str(settings['serial']), safe='')}_{settings.get('seed', DEFAULT_SEED)}.flash"
     return {"flash_file": str(setup.request.out / _FLASH_FOLDER / flash), **settings}
+
+
+def _interruptions(log: Path) -> int:
+    """Return how often the run of a log that is resumed was interrupted; each part of the run has noise of its own."""
+    count, name = 1, log.name
+    with suppress(InputError):  # an earlier log may have been deleted
+        while (run := open_log(log.with_name(name)).meta.run) is not None and run.resumed_from:
+            count, name = count + 1, run.resumed_from
+    return count
 
 
 def _chamber(setup: RunConfiguration) -> Settings:

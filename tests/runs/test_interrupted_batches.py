@@ -6,9 +6,12 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
 
+import numpy as np
 import pytest
 
-from calstation.config import RunRequest
+from calstation.bench import BenchConfig
+from calstation.bench.live import LiveBench
+from calstation.config import RunRequest, load_configuration
 from calstation.errors import ConfigurationError, InputError
 from calstation.results import History
 from calstation.runs import RunStart, find_interrupted, finish_incomplete
@@ -16,6 +19,7 @@ from calstation.runs import run as run_module
 from calstation.runs.incomplete import close_incomplete
 from calstation.runs.resume import Completed, Continuation, completed_by_all
 from calstation.sequencer import LastSample, State, StopRequested
+from calstation.simulation import bench_config
 from tests.dead_logs import write_dead_log
 from tests.helpers import ignore_progress, raises_code
 from tests.runs.test_batch_runs import SERIALS, batch_of
@@ -137,6 +141,21 @@ def test_logs_of_different_batches_are_not_resumed_together(batch: SiteFolder) -
     (first,) = batch.runs.glob("SN-000001*.h5")
     with raises_code(ConfigurationError, "run.other_batch"):
         RunStart(RunRequest("", batch.station, batch.product, resume=first, resumes=(first, other)), "engineer")
+
+
+def test_noise_of_the_bench_differs_in_every_part_of_a_run(site_folder: SiteFolder) -> None:
+    """The same noise in two parts would count twice, and fail the tests of the fit."""
+    site_folder.write(units=1)
+    run = {"batch": "B-7", "batch_units": [SERIALS[0]], "station": STATION, "seed": 5, "slot": "1"}
+    log = write_dead_log(site_folder.runs, SERIALS[0], **run)
+    earlier = log.rename(log.with_stem("earlier"))
+    write_dead_log(site_folder.runs, SERIALS[0], resumed_from=earlier.name, **run)
+    for path, interruptions in ((earlier, 1), (log, 2)):
+        setup = load_configuration(replace(site_folder.request(serial=SERIALS[0]), resume=path, seed=5))
+        assert bench_config(setup)["interruptions"] == interruptions
+    first, second = (LiveBench(BenchConfig(interruptions=count, flash_file=None), lambda: 0.0) for count in (0, 1))
+    np.testing.assert_array_equal(first.truth.imu.parameters, second.truth.imu.parameters)
+    assert first._random.random() != second._random.random()
 
 
 PLANNED = ("temperature",)
