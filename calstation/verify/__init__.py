@@ -1,7 +1,3 @@
-"""A second opinion: an independent solution of a raw log, compared with its certificate, its DCC or its result.
-
-The program imports numpy, scipy and h5py, and nothing of calstation, so that the folder may be copied and run alone. It
-has its own mathematics: a stage is one least-squares problem of the trajectory and all parameters.
-"""
+"""A second opinion on a log and its certificate, DCC or result; it imports nothing of calstation."""
 
 from .verify import main

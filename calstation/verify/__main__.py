@@ -1,7 +1,5 @@
 """`python -m calstation.verify`, or `python -m verify` beside a copy of this folder."""
 
-import sys
-
 from . import main
 
-sys.exit(main())
+raise SystemExit(main())

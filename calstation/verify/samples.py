@@ -1,4 +1,8 @@
-"""A raw log: its digests, its configuration, its samples in SI units, and the rests among them."""
+"""A raw log: its digests, its configuration, its samples in SI units, and the error model.
+
+gyro   measured = (I + M_g) ω + b_g                 M_g full 3×3
+accel  measured = (I + M_a) f + K2 ∘ f² + b_a       M_a lower triangular
+"""
 
 import hashlib
 import json
@@ -9,26 +13,28 @@ from types import SimpleNamespace
 
 import h5py
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from .model import AT, AXES, COUNT, EARTH_RATE, NAMES, UP, WIDE, normal_gravity, rotation
-
-#: Window, s, margin at both ends, s, and shortest usable rest, s.
-WINDOW, MARGIN, SHORTEST = 0.5, 0.3, 1.0
-#: Correlation time of the drift of a bias, s, and its sigma per bias instability.
-DRIFT_TIME, DRIFT_SIGMA = 200.0, 1.375
-#: Entries of a table profile that it may omit.
-TABLE: dict[str, object] = {
-    "outer_axis": (1.0, 0.0, 0.0),
-    "inner_axis": (0.0, 0.0, 1.0),
-    "orientation": "+x+z",
-    "outer_lever": "",
-}
-TABLE |= {"encoder_sigma_deg": 0.05, "mount_sigma_deg": 1.0, "azimuth_sigma_deg": 0.5, "base_tilt_sigma_deg": 0.2}
-TABLE |= {"velocity_sigma": 1e-3, "velocity_interval_s": 0.1, "axis_offset_mm": (0.0, 0.0), "axis_offset_sigma_mm": 0.5}
+AXES = "xyz"
+#: Groups of parameters: names of their members, and the sigma, SI, if nothing is known. The last three, which are never
+#: stated, are offsets of the table's axes, m (outer × inner, inner), and the relative gravity error.
+GROUPS = {
+    "gyro_bias": (AXES, 1e-2), "gyro_scale": (AXES, 0.05), "accel_bias": (AXES, 2.0), "accel_scale": (AXES, 0.1),
+    "gyro_misalign": (("xy", "xz", "yx", "yz", "zx", "zy"), 0.05), "accel_misalign": (("yx", "zx", "zy"), 0.05),
+    "accel_quadratic": (AXES, 2e-5), "inner_lever": (AXES, 0.1), "outer_lever": (AXES, 0.5),
+    "axis_offset": (("hinge", "inner"), 0.0), "gravity": (("error",), 0.0),
+}  # fmt: skip
+PARAMETERS = [(f"{group}_{m}", group, sigma) for group, (members, sigma) in GROUPS.items() for m in members]
+NAMES, GROUP, WIDE = zip(*PARAMETERS, strict=True)
+COUNT = len(NAMES)
+AT = {group: [i for i in range(COUNT) if GROUP[i] == group] for group in GROUPS}
+BIASES, UP = AT["gyro_bias"] + AT["accel_bias"], np.array([0.0, 0.0, 1.0])
+#: Exceptions of a damaged file.
+DAMAGED = (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
+DAMAGED += (RuntimeError, StopIteration, SyntaxError, zlib.error)
 #: Columns of the samples that the digest of every log covers, and those that it covers if a log has them.
 DIGESTED = {"seq": "<i8", "time": "<f8", "counts": "<f8", "angles": "<f8", "step": "<i8"}
-DIGESTED |= {"temperature": "<f8", "valid": "u1"}
-FURTHER = ("others", "joints", "station", "chamber")
+DIGESTED, FURTHER = DIGESTED | {"temperature": "<f8", "valid": "u1"}, ("others", "joints", "station", "chamber")
 
 
 class NotCoveredError(Exception):
@@ -39,82 +45,109 @@ class UnreadableError(Exception):
     """A file cannot be read."""
 
 
+def matrix(p, sensor):
+    """Return I + M of the gyros or the accelerometers for parameters of shape (..., 33), shape (..., 3, 3)."""
+    M = np.zeros((*p.shape[:-1], 3, 3)) + np.eye(3)
+    for i in AT[sensor + "_scale"] + AT[sensor + "_misalign"]:
+        row, column = (2 * NAMES[i].rpartition("_")[2])[:2]  # xx for a scale factor of x
+        M[..., AXES.index(row), AXES.index(column)] += p[..., i]
+    return M
+
+
+def sensed(p, sensor, v):
+    """Return the outputs (I + M_g) v + b_g or (I + M_a) v + K2 ∘ v² + b_a, shape (..., 3)."""
+    square = p[..., AT["accel_quadratic"]] * v**2 if sensor == "accel" else 0.0
+    return turned(matrix(p, sensor), v) + square + p[..., AT[sensor + "_bias"]]
+
+
+def compensated(p, gyro, accel):
+    """Return rate, rad/s, and force at the reference point (size effect), m/s², by Newton's method, (..., 3) each."""
+    omega = turned(np.linalg.inv(matrix(p, "gyro")), gyro - p[..., AT["gyro_bias"]])
+    inverse, force = np.linalg.inv(matrix(p, "accel")), accel
+    for _ in range(4):
+        force = force - turned(inverse, sensed(p, "accel", force) - accel)
+    return omega, force + p[..., AT["inner_lever"]] * (np.sum(omega**2, axis=-1, keepdims=True) - omega**2)
+
+
+def turned(C, v):
+    """Return the products of matrices, shape (..., 3, 3), and vectors, shape (..., 3)."""
+    return (C @ v[..., None])[..., 0]
+
+
+def rotation(v):
+    """Return the rotation matrices of rotation vectors, rad, shape (..., 3, 3)."""
+    return Rotation.from_rotvec(v.reshape(-1, 3)).as_matrix().reshape(*v.shape, 3)
+
+
 def setting_of(meta):
     """Return site, table, noise and prior from the configuration of a log. Raises NotCoveredError."""
-    site, imu, table, s = meta["site"], meta["imu"], TABLE | meta.get("table", {}), SimpleNamespace(meta=meta)
-    rate, increment, interval = imu["sample_rate_hz"], imu["output"] == "increment", table["velocity_interval_s"]
-    white, sizes = np.array([imu["gyro_arw"], imu["accel_vrw"]]), np.array([imu["gyro_lsb"], imu["accel_lsb"]])
-    given = [imu.get("gyro_quantisation"), imu.get("accel_quantisation")]
-    step = np.where([x is None for x in given], sizes, np.array(given, float))
-    for name in ("model", "imu2", "temperature"):
-        if meta.get(name):
-            raise NotCoveredError(f"the section [{name}] of the configuration")
-    if site.get("azimuth_deg") is None:
-        raise NotCoveredError("an unknown azimuth")
-    if imu.get("bandwidth_hz") or imu.get("coning_compensated"):
-        raise NotCoveredError("a filter of the unit (bandwidth_hz, coning_compensated)")
-    if not increment and np.any(step > 2.5 * white * np.sqrt(rate)):
-        raise NotCoveredError("an output rounded more coarsely than its noise")
+    site, imu, s = meta["site"], meta["imu"], SimpleNamespace(meta=meta)
+    table = {"orientation": "+x+z", "axis_offset_mm": (0.0, 0.0), "axis_offset_sigma_mm": 0.5} | meta["table"]
+    rate, interval, increment = imu["sample_rate_hz"], table["velocity_interval_s"], imu["output"] == "increment"
+    white, sizes = np.array([[imu["gyro_arw"], imu["accel_vrw"]], [imu["gyro_lsb"], imu["accel_lsb"]]])
+    step = np.array([imu.get("gyro_quantisation", sizes[0]), imu.get("accel_quantisation", sizes[1])])
+    refused = {
+        "effects, temperatures or a second IMU": any(meta.get(key) for key in ("model", "imu2", "temperature")),
+        "an unknown azimuth": "azimuth_deg" not in site,
+        "a filter of the unit": imu.get("bandwidth_hz") or imu.get("coning_compensated"),
+        "an output rounded more coarsely than its noise": not increment and np.any(step > 2.5 * white * np.sqrt(rate)),
+    }
+    for reason in (reason for reason, is_refused in refused.items() if is_refused):
+        raise NotCoveredError(reason)
     latitude, s.azimuth = np.deg2rad(site["latitude_deg"]), np.deg2rad(site["azimuth_deg"])
-    s.earth = EARTH_RATE * np.array([0.0, np.cos(latitude), np.sin(latitude)])  # rotation in east, north, up, rad/s
-    s.gravity = site.get("gravity_mps2") or normal_gravity(latitude, site["height_m"])
+    s.earth = 7.292115e-5 * np.array([0.0, np.cos(latitude), np.sin(latitude)])  # rotation in east, north, up, rad/s
+    # Somigliana's normal gravity of WGS-84: flattening, ratio of the centrifugal force, height relative to the earth's
+    f, m, square, height = 1.0 / 298.257223563, 0.00344978650684, np.sin(latitude) ** 2, site["height_m"] / 6378137.0
+    normal = 9.7803253359 * (1.0 + 0.00193185265241 * square) / np.sqrt(1.0 - 0.00669437999014 * square)
+    normal *= 1.0 - 2.0 * (1.0 + f + m - 2.0 * f * square) * height + 3.0 * height**2
+    s.gravity = site.get("gravity_mps2") or normal
     s.gravity_sigma = site.get("gravity_sigma_mps2") or (1e-6 if site.get("gravity_mps2") else 5e-4)
     # outer and inner axis on the platform at home, rotation from it to n at angles (n, 2), and rotation from b to it
-    s.axes = [np.array(table[key], float) / np.linalg.norm(table[key]) for key in ("outer_axis", "inner_axis")]
-    home, (u, w) = rotation(-s.azimuth * UP), s.axes
+    s.axes = u, w = [np.array(table[key]) / np.linalg.norm(table[key]) for key in ("outer_axis", "inner_axis")]
+    home, both = rotation(-s.azimuth * UP), (table["orientation"][:2], table["orientation"][2:])
     s.platform = lambda angles: home @ rotation(angles[:, :1] * u) @ rotation(angles[:, 1:] * w)
-    halves = table["orientation"][:2], table["orientation"][2:]
-    x, z = (np.eye(3)[AXES.index(half[1])] * float(half[0] + "1") for half in halves)
+    x, z = (np.eye(3)[AXES.index(axis)] * float(sign + "1") for sign, axis in both)
     s.orientation = np.array([x, np.cross(z, x), z])
     s.sigma = {key: np.deg2rad(table[f"{key}_sigma_deg"]) for key in ("encoder", "mount", "azimuth", "base_tilt")}
     s.sigma["tilt"] = np.linalg.norm([s.sigma[key] for key in ("mount", "base_tilt", "encoder")])
-    # sample period, sizes of counts, SI; densities of white noise with rounding, (rad/s)²/Hz and (m/s²)²/Hz
+    # sample period, sizes of counts; densities of white noise, SI²/Hz; noise of the mean rate of w samples
     s.dt, s.sizes = 1.0 / rate, np.repeat(sizes, 3) * (rate if increment else 1.0)
     s.rate_noise, s.force_noise = white**2 + step**2 / 12.0 * (1.0 / interval if increment else 1.0 / rate)
-    s.drift = DRIFT_SIGMA * np.repeat([imu.get(f"{k}_bias_instability", 0.0) for k in ("gyro", "accel")], 3)
+    s.drift = 1.375 * np.repeat([imu.get(f"{k}_bias_instability", 0.0) for k in ("gyro", "accel")], 3)
     s.interval, s.velocity = max(interval, 1.0 / rate), table["velocity_sigma"] ** 2  # variance of a mean velocity
-    # noise of the mean rate of a window of w samples
     s.window = lambda w: white[0] * np.sqrt(rate / w) + step[0] * (rate / w if increment else 1.0 / np.sqrt(w))
-    wide, correlation, s.mean = WIDE.copy(), np.eye(COUNT), np.zeros(COUNT)
+    wide, correlation, s.mean = np.array(WIDE), np.eye(COUNT), np.zeros(COUNT)
     for name, prior in meta.get("prior", {}).items():
         i = NAMES.index(name)
         s.mean[i], wide[i] = prior.get("value", 0.0), prior.get("sigma", wide[i])
-    fixed = table["outer_lever"] == "fixed"
-    if fixed:
+    if is_fixed := table["outer_lever"] == "fixed":
         s.mean[AT["outer_lever"]] = wide[AT["outer_lever"]] = 0.0
+    # an estimated lever arm is measured from the point of the inner axis that the profile states
+    s.offset = 1e-3 * np.array(table["axis_offset_mm"]) * [1.0, is_fixed]
+    s.offset_sigma = 1e-3 * table["axis_offset_sigma_mm"] * np.array([1.0, is_fixed])
     for one, row in meta.get("prior_correlation", {}).items():
         for other, value in row.items():
             i, j = NAMES.index(one), NAMES.index(other)
             correlation[i, j] = correlation[j, i] = value
     s.covariance = correlation * np.outer(wide, wide)
-    # an estimated lever arm is measured from the point of the inner axis that the profile states
-    s.offset = 1e-3 * np.array(table["axis_offset_mm"]) * [1.0, fixed]
-    s.offset_sigma = 1e-3 * table["axis_offset_sigma_mm"] * np.array([1.0, fixed])
     return s
 
 
 def _stored(file, name, kind, size):
     """Return a column of bytes, texts or rows. Raises ValueError unless it is stored in the file of `size` bytes."""
     data = file.get(name) if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
-    if not isinstance(data, h5py.Dataset) or data.ndim != 1 or data.dtype.kind != kind or data.external:
-        raise ValueError(f"{name} is not a column of the expected kind")
-    if data.is_virtual or data.dtype.hasobject or data.size * data.dtype.itemsize > size:
-        raise ValueError(f"{name} is larger than the file")
+    is_column = isinstance(data, h5py.Dataset) and data.ndim == 1 and data.dtype.kind == kind
+    if not is_column or data.dtype.hasobject or data.external or data.is_virtual or data.nbytes > size:
+        raise ValueError(f"{name} is not a column of the expected kind in the file")
     return data[:]
 
 
 def read_log(path):
-    """Read a raw log: setting, rows, names of stages, results, closing record, digests.
-
-    Raises UnreadableError and NotCoveredError.
-    """
+    """Read a raw log: setting, rows, stages, results, digests. Raises UnreadableError and NotCoveredError."""
     try:
         with h5py.File(path, "r", locking=False) as file:
-            size, kind = (
-                Path(path).stat().st_size,
-                file.attrs.get_id("format").dtype.kind if "format" in file.attrs else "",
-            )
-            if kind != "S" or file.attrs["format"] != b"calstation.log/1":
+            size, kind = Path(path).stat().st_size, file.attrs.get("format")
+            if not isinstance(kind, bytes) or kind != b"calstation.log/1":
                 raise UnreadableError(f"{path} is not a raw log of format calstation.log/1")
             meta, *texts = (_stored(file, key, "u", size).tobytes() for key in ("meta", "results", "closing"))
             checksum, rows = int(file.attrs["meta_crc32"]), _stored(file, "samples", "V", size)
@@ -123,10 +156,9 @@ def read_log(path):
             raise UnreadableError(f"the configuration of {path} is damaged: its checksum is wrong")
         results, closing = ([json.loads(line) for line in text.decode().split("\n")[:-1]] for text in texts)
         digests = {"log": _digest(rows, stages, meta), "configuration": hashlib.sha256(meta).hexdigest()}
-        setting = setting_of(json.loads(meta))
-    except (OSError, LookupError, ValueError, TypeError, AttributeError, RuntimeError) as exc:  # of a damaged file
+        closed, setting = closing[-1].get("sha256") if closing else None, setting_of(json.loads(meta))
+    except DAMAGED as exc:
         raise UnreadableError(f"{path} cannot be read: {exc}") from exc
-    closed = closing[-1].get("sha256") if closing else None
     return SimpleNamespace(setting=setting, rows=rows, stages=stages, results=results, closed=closed, digests=digests)
 
 
@@ -138,8 +170,7 @@ def _digest(rows, stages, configuration):
     starts = np.flatnonzero(np.diff(rows["stage"].astype(int), prepend=-1))
     changes = "".join(f"{k}:{stages[rows['stage'][k]]}\n" for k in starts.tolist())
     parts = [hashlib.sha256(part).digest() for part in (plain.tobytes(), changes.encode())] + [configuration]
-    further = [rows[name].reshape(len(rows), -1) for name in FURTHER if name in rows.dtype.names]
-    if further:
+    if further := [rows[name].reshape(len(rows), -1) for name in FURTHER if name in rows.dtype.names]:
         columns = np.hstack(further)
         parts.append(hashlib.sha256(np.where(np.isnan(columns), np.nan, columns).astype("<f8").tobytes()).digest())
     return hashlib.sha256(b"".join(parts)).hexdigest()
@@ -150,63 +181,10 @@ def stages_of(log, first, last):
     rows, found = log.rows[(log.rows["valid"] != 0) & (log.rows["seq"] >= first) & (log.rows["seq"] <= last)], {}
     for number in dict.fromkeys(rows["stage"].tolist()):
         part, name = rows[rows["stage"] == number], log.stages[number]
+        if not np.isfinite(part["angles"]).any():
+            raise NotCoveredError(f"the stage {name} without angles of the table")
         cuts = [0, *(np.flatnonzero(np.diff(part["seq"]) != 1) + 1).tolist(), len(part)]
-        gyro, accel = np.hsplit(part["counts"] * log.setting.sizes, 2)
-        columns = {"seq": part["seq"], "gyro": gyro, "accel": accel, "angles": part["angles"]}
+        columns = {"seq": part["seq"], "angles": part["angles"]}
+        columns["gyro"], columns["accel"] = np.hsplit(part["counts"] * log.setting.sizes, 2)
         found[name] = SimpleNamespace(name=name, spans=list(pairwise(cuts)), **columns)
     return found
-
-
-def rests(stage, s, prior, spans=None):
-    """Return the rests (first, last + 1) of a stage: the rate agrees with the median of its quiet windows of 0.5 s.
-
-    `prior` is the estimate before the stage, an `estimate.Joint`.
-    """
-    width, margin, found = max(round(WINDOW / s.dt), 2), round(MARGIN / s.dt), []
-    bias, bias_sigma = prior.mean[AT["gyro_bias"]], prior.sigma[AT["gyro_bias"]].max()
-    noise = 5.0 * s.window(width)
-    for first, last in spans or stage.spans:
-        if last - first < 2 * width:
-            continue
-        outputs = np.hstack([stage.gyro[first:last], stage.accel[first:last]])
-        totals = np.cumsum(np.vstack([np.zeros(6), outputs - outputs[0]]), axis=0)
-        means = (totals[width:] - totals[:-width]) / width + outputs[0]
-        rate, change = means[:, :3] - bias, np.abs(means[width:] - means[:-width])
-        quiet = np.abs(rate[width:]).max(axis=1) < 3.0 * bias_sigma + noise + np.deg2rad(0.1)
-        quiet &= change[:, :3].max(axis=1) < noise + np.deg2rad(0.01)
-        if not quiet.any():
-            continue
-        still = np.abs(rate - np.median(rate[width:][quiet], axis=0)).max(axis=1) < noise + np.deg2rad(0.03)
-        jump = np.flatnonzero(change[:, 3:].max(axis=1) > 0.5)
-        still[jump] = still[jump + width] = False
-        edges = np.flatnonzero(np.diff(still.astype(int), prepend=0, append=0))
-        for a, b in edges.reshape(-1, 2).tolist():
-            begin, end = first + a + margin * (a > 0), first + b + width - 1
-            end -= margin * (end < last)
-            if end - begin >= width:
-                found.append((begin, end))
-    return found
-
-
-def mean_angles(stage, rest):
-    """Return the mean angles of outer and inner axis, rad, during a rest. Raises NotCoveredError without angles."""
-    polled = stage.angles[slice(*rest)]
-    polled = polled[np.isfinite(polled).all(axis=1)]
-    if not len(polled):
-        raise NotCoveredError(f"the stage {stage.name} without angles of the table")
-    return polled.mean(axis=0)
-
-
-def mean_force(stage, setting, first, last):
-    """Return the force of a rest, m/s², as the slope of a line through its mean velocities, and its variance."""
-    dt, count = setting.dt, last - first
-    stride = max(round(setting.interval / dt), 1)
-    width, blocks = min(stride, max(count // 2, 1)), max(count // stride, 2)
-    middle = np.arange(blocks) - 0.5 * (blocks - 1)
-    slope = middle / (np.sum(middle**2) * width * dt)  # of a line through the mean velocities
-    # a block's mean is that of the velocities at the starts of its samples, which count a force by the later ones
-    weights, later = np.zeros(count), (width - 1.0 - np.arange(width)) / width
-    after = np.cumsum(slope[::-1])[::-1] - slope
-    weights[: blocks * width] = (slope[:, None] * later + after[:, None]).ravel() * dt
-    noise = setting.velocity * np.sum(slope**2) + setting.force_noise * np.sum(weights**2) / dt
-    return weights @ stage.accel[first:last], noise + setting.drift[3] ** 2

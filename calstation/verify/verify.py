@@ -1,46 +1,123 @@
-"""Comparison of a certificate, or the result in a log, with an independent solution of the log."""
+"""Comparison of a certificate, or the result in a log, with an independent solution of the log.
+
+A statement has a kind (digest, serial, verdict, value, sigma, correlation, within, sigma_below, decision) and subject.
+"""
 
 import argparse
 import json
+import math
+import re
 import sys
+import zlib
 from pathlib import Path
+from types import SimpleNamespace
+from xml.etree import ElementTree
 
 import numpy as np
 
-from .claims import DAMAGED, contradictions, read_claims, result_claim
-from .estimate import Joint, position_equations, rate_equations, solve
-from .model import AT, BIASES, COUNT, GROUP, NAMES
-from .navigation import motion_equations
-from .samples import NotCoveredError, UnreadableError, read_log, stages_of
+from .estimate import Joint, motion_equations, position_equations, rate_equations, solve
+from .samples import AT, BIASES, COUNT, DAMAGED, GROUP, NAMES, NotCoveredError, UnreadableError, read_log, stages_of
 
 #: Largest difference in standard deviations, of sigmas as a ratio, and of correlation coefficients.
 VALUE, SIGMA, CORRELATION = 0.1, 0.02, 0.05
-#: Ratio to the profile's noise below which the table is quiet, see `Solution.table`.
-QUIET = 0.8
 #: Equations and estimated parameters of the stages.
 STAGES = {
     "rate": (rate_equations, AT["gyro_scale"]),
     "six_position": (position_equations, AT["accel_scale"] + AT["accel_bias"]),
-    "excitation": (motion_equations, [*range(COUNT)]),
-    "designed": (motion_equations, [*range(COUNT)]),
     "azimuth_flip": (motion_equations, BIASES),
-}
-WORDS = {True: "pass", False: "fail"}
+} | dict.fromkeys(("excitation", "designed"), (motion_equations, [*range(COUNT)]))
 #: Exit codes: all agrees, something does not, a file cannot be read, the log needs what this program does not compute.
 AGREES, DIFFERS, UNREADABLE, NOT_COVERED = 0, 1, 2, 5
+#: Kinds of decisions, and largest file and largest attachment, bytes.
+DECISIONS, LARGEST = ("within", "sigma_below"), 200_000_000
+
+
+def read_claims(path):
+    """Return the statements of a PDF (its attachments), a DCC or a result JSON. Raises UnreadableError."""
+    try:
+        if path.stat().st_size > LARGEST:
+            raise UnreadableError(f"{path} is larger than {LARGEST} bytes")
+        data, claims = path.read_bytes(), []
+        for part in _attachments(data) if data.startswith(b"%PDF") else [data]:
+            result = json.loads(part) if part.lstrip().startswith(b"{") else None
+            for kind, table in {"JSON": _result(result)}.items() if result else _dcc(part.lstrip()).items():
+                claims.append(SimpleNamespace(source=f"{path.name} ({kind})", table=table, result=result))
+    except DAMAGED as exc:
+        raise UnreadableError(f"{path} cannot be read: {exc}") from exc
+    if not claims:
+        raise UnreadableError(f"{path} has no attached digital certificate")
+    return claims
+
+
+def _attachments(data):
+    """Yield the embedded files of a PDF."""
+    for match in re.finditer(rb"/EmbeddedFile\b(.{0,400}?)stream\r?\n", data, re.DOTALL):
+        packed = data[match.end() :]
+        if b"FlateDecode" in match[1]:
+            yield zlib.decompressobj().decompress(packed, LARGEST)
+        elif b"endobj" not in match[1]:
+            yield packed[: packed.index(b"endstream")].rstrip(b"\r\n")
+
+
+def _result(result):
+    """Return what a result JSON states."""
+    table = {("serial", "unit"): result["unit"]["serial"], ("verdict", "unit"): result.get("passed")}
+    table["digest", "log"] = result["log"].get("sha256")
+    table["digest", "configuration"] = result.get("configuration_sha256")
+    rows = {name: row for name, row in result["parameters"].items() if name in NAMES}
+    table |= {(kind, name): float(row[kind]) for name, row in rows.items() for kind in ("value", "sigma")}
+    for one, row in result.get("correlation", {}).items():
+        table |= {("correlation", f"{one}, {other}"): float(value) for other, value in row.items()}
+    checks = [check for check in result.get("checks", []) if check.get("kind") in DECISIONS]
+    table |= {(check["kind"], check["subject"]): bool(check["passed"]) for check in checks}
+    return {key: value for key, value in table.items() if value is not None}
+
+
+def _words(element, tag):
+    return element.findtext(f".//{{*}}{tag}", "").split()
+
+
+def _dcc(data):
+    """Return what a digital calibration certificate states, and what its joint estimate states."""
+    root = None if b"<!DOCTYPE" in data or b"<!ENTITY" in data else ElementTree.fromstring(data)
+    if root is None or not root.tag.endswith("}digitalCalibrationCertificate"):
+        raise ValueError("it is no digital calibration certificate, or it defines entities")
+    table, joint = {("serial", "unit"): " ".join(_words(root.find(".//{*}items"), "value"))}, {}
+    identifications = [(e.text or "").strip() for e in root.iterfind(".//{*}coreData//{*}value")]
+    for digest in [text for text in identifications if re.fullmatch("[0-9a-f]{64}", text)][:1]:
+        table["digest", "log"] = digest
+    for conformity in root.iterfind(".//{*}statement[@refType='basic_conformity']//{*}conformity"):
+        table["verdict", "unit"] = conformity.text.strip() == "pass"
+    for quantity in root.iterfind(".//{*}quantity[@refType='basic_measuredValue']"):
+        names, factor = _words(quantity, "labelXMLList"), _words(quantity, "coverageFactorXMLList")
+        columns = {"value": [float(word) for word in _words(quantity, "valueXMLList")]}
+        columns["sigma"] = [float(w) / float(factor[0]) for w in _words(quantity, "uncertaintyXMLList")] or [math.nan]
+        columns["decision"] = [word == "pass" for word in _words(quantity, "conformityXMLList")]
+        for kind, column in columns.items():
+            rows = zip(names, column * len(names) if len(column) == 1 else column, strict=bool(column))  # one for all
+            table |= {(kind, name): value for name, value in rows if name in NAMES}
+    for block in root.iterfind(".//{*}realList"):
+        reals = [(_words(real, "label")[0], float(_words(real, "value")[0])) for real in block.findall("{*}real")]
+        matrix = [[float(e.text) for e in column.iterfind(".//{*}value")] for column in block.findall(".//{*}column")]
+        for k, (name, value) in enumerate(reals if len(reals) == len(matrix) else []):
+            joint["value", name], joint["sigma", name] = value, math.sqrt(matrix[k][k])
+            for j, (other, _) in enumerate(reals[:k]):
+                scale = joint["sigma", name] * joint["sigma", other]
+                joint["correlation", f"{name}, {other}"] = matrix[k][j] / scale if scale else 0.0
+    return {"DCC": table} | ({"DCC, joint estimate": joint} if joint else {})
 
 
 class Solution:
-    """The independent estimate of a log, and what follows from it."""
+    """The independent estimate of the stages of a result, with the table's noise in each as the run measured it."""
 
     def __init__(self, log, result):
-        """Solve the stages of a result in their order, with the table's noise in each as the run measured it."""
         checks, s, self.stage, self.meta = result.get("checks", []), log.setting, {}, log.setting.meta
         if any(check.get("kind") == "imu_noise" and check["value"] > 1.0 + 1e-9 for check in checks):
             raise NotCoveredError("a unit that is noisier than its profile, whose sigmas the run has increased")
         noise = {check["subject"]: check["value"] for check in checks if check.get("kind") == "table_noise"}
         recorded = stages_of(log, result["log"].get("first_seq", 0), result["log"].get("last_seq", 2**62))
-        joint, velocity, self.prior = Joint.prior(s.mean, s.covariance), s.velocity, np.sqrt(np.diag(s.covariance))
+        joint, velocity = Joint(np.outer(s.mean, [0.0, 0.0, 0.0, 1.0]), s.covariance, np.zeros((0, 4))), s.velocity
+        self.prior = joint.sigma
         for name in result.get("stages", []):
             if name not in STAGES:
                 raise NotCoveredError(f"the method {name}")
@@ -50,15 +127,15 @@ class Solution:
             s.velocity = velocity * max(noise.get(name, 1.0), 1.0) ** 2
             joint = solve(name, linearise(recorded[name], s, joint), joint, estimated)
             self.stage |= {i: name for i in estimated if self.prior[i] > 0.0}
-        self.mean, covariance, offsets = joint.complete(s.offset, s.offset_sigma, s.gravity_sigma / s.gravity)
+        self.mean, covariance, part = joint.complete(s.offset, s.offset_sigma, s.gravity_sigma / s.gravity)
         self.sigma = np.sqrt(np.diag(covariance))
         scale = np.where(self.sigma > 0.0, self.sigma, 1.0)
         self.correlation = covariance / np.outer(scale, scale)
         # on a quiet table, the product determines the offsets of the axes with the noise that it measured
-        self.share = np.sqrt(np.diag(offsets)) / scale * any(ratio < QUIET for ratio in noise.values())
+        self.share = np.sqrt(np.diag(part)) / scale * any(ratio < 0.8 for ratio in noise.values())
 
     def table(self):
-        """Return what a claim should state: (kind, subject) -> (value, smallest, largest) that agree."""
+        """Return what a document should state: (kind, subject) -> (value, smallest, largest) that agree."""
         rows = {}
         for i in (i for i in self.stage if self.sigma[i] > 0.0):
             name, mean, sigma, share = NAMES[i], float(self.mean[i]), float(self.sigma[i]), float(self.share[i])
@@ -68,29 +145,23 @@ class Solution:
             for j in self.stage:
                 value, width = float(self.correlation[i, j]), CORRELATION + 2.0 * max(share, self.share[j])
                 rows["correlation", f"{name}, {NAMES[j]}"] = value, value - width, value + width
-            decisions = dict(self._decisions(i))
-            rows |= {(kind, name): decision for kind, decision in decisions.items()}
+            decisions = {(kind, name): (m >= 0.0, m >= t, m > -t) for kind, m, t in self._margins(i)}
             if decisions:
-                rows["decision", name] = tuple(all(column) for column in zip(*decisions.values(), strict=True))
+                rows |= decisions | {("decision", name): tuple(map(all, zip(*decisions.values(), strict=True)))}
         return rows
 
-    def _decisions(self, i):
-        """Yield the kind and the decision on a parameter: whether it passes, certainly, and possibly."""
-        product, sigma = self.meta.get("product") or {}, self.sigma[i]
+    def _margins(self, i):
+        """Yield the kind, margin and tolerance of the limits of a parameter that the run determines."""
+        product, mean, sigma = self.meta.get("product") or {}, float(self.mean[i]), float(self.sigma[i])
         limits, guard = product.get("limits", {}), 2.0 * ((product.get("conformity") or {}).get("rule") == "guard_band")
-        limit = limits.get(NAMES[i], limits.get(GROUP[i]))
-        if limit is None or sigma > 0.9 * self.prior[i]:
-            return
-        margins, within = {}, limit.get("within")
+        limit = limits.get(NAMES[i], limits.get(GROUP[i])) if sigma <= 0.9 * self.prior[i] else None
+        within = (limit or {}).get("within")
         if within is not None:
             low, high = within if isinstance(within, list) else (-within, within)
-            margin = min(self.mean[i] - low, high - self.mean[i]) - guard * sigma
-            margins["within"] = margin, (VALUE + guard * SIGMA) * sigma
-        largest = limit.get("sigma_below_after", {}).get(self.stage[i], limit.get("sigma_below"))
+            yield "within", min(mean - low, high - mean) - guard * sigma, (VALUE + guard * SIGMA) * sigma
+        largest = (limit or {}).get("sigma_below_after", {}).get(self.stage[i], (limit or {}).get("sigma_below"))
         if largest is not None:
-            margins["sigma_below"] = largest - sigma, SIGMA * sigma
-        for kind, (margin, tolerance) in margins.items():
-            yield kind, (bool(margin >= 0.0), bool(margin >= tolerance), bool(margin > -tolerance))
+            yield "sigma_below", largest - sigma, SIGMA * sigma
 
 
 def verify(source, log_path=None):
@@ -99,98 +170,76 @@ def verify(source, log_path=None):
     claims = [] if source.suffix == ".h5" else read_claims(source)
     log = read_log(_find_log(source, claims, log_path) if claims else source)
     stored = [result for result in log.results if result.get("parameters")][-1:]
-    if not claims:
-        if not stored:
-            raise UnreadableError(f"{source} contains no result; give a certificate or a result of this log")
-        claims = [result_claim(stored[0], source.name)]
+    claims = claims or [SimpleNamespace(source=source.name, table=_result(one), result=one) for one in stored]
     result = next((claim.result for claim in claims if claim.result), *stored or [None])
     if result is None:
-        raise UnreadableError(f"neither {source} nor the log names the stages that were solved")
+        raise UnreadableError(f"neither {source} nor the log contains a result; give a result of this log")
     try:
         solution = Solution(log, result)
     except np.linalg.LinAlgError as exc:
         raise NotCoveredError(f"a log without a solution ({exc})") from exc
-    serial, own = log.setting.meta["imu"]["serial"], solution.table()
-    given = {("serial", "unit"): serial} | {("digest", key): digest for key, digest in log.digests.items()}
-    own |= {key: (value, value, value) for key, value in given.items()}
-    rows, parameters = [*contradictions(claims)], {}
-    if log.closed not in (None, log.digests["log"]):
-        rows += [("digest", "log", "samples or configuration were changed after the log was closed")]
-    decided = {" ".join(key[::-1]): row for key, row in own.items() if key[0] in ("within", "sigma_below")}
+    own, serial = solution.table(), log.setting.meta["imu"]["serial"]
+    decided = {f"{name} {kind}": row for (kind, name), row in own.items() if kind in DECISIONS}
     failed = [name for name, (_, _, possibly) in decided.items() if not possibly]
     failed += [check["name"] for check in result.get("checks", []) if not check["passed"]]
-    is_certain = all(certainly for _, certainly, _ in decided.values())
+    is_certain, findings, parameters = all(certainly for _, certainly, _ in decided.values()), [], {}
+    own |= {("digest", key): (digest,) * 3 for key, digest in log.digests.items()} | {("serial", "unit"): (serial,) * 3}
+    if log.closed not in (None, log.digests["log"]):
+        findings += [("digest", "log", "samples or configuration were changed after the log was closed")]
     for claim in claims:
         is_partial = claim.result is None and bool(result.get("partial"))
         reasons = failed + ["stages of the product that were omitted"] * is_partial
         own["verdict", "unit"] = not reasons, is_certain and not reasons, not reasons
-        rows += _compare(claim, own, solution, reasons)
+        findings += _findings(claim, claims[0], own, solution, reasons)
         for name in (name for kind, name in own if kind == "value" and (kind, name) in claim.table):
             (value, mean), (width, sigma) = ((claim.table[k, name], own[k, name][0]) for k in ("value", "sigma"))
             row = {"stated": [value, width], "own": [mean, sigma], "difference": (value - mean) / sigma}
             parameters.setdefault(name, row | {"sigma_ratio": width / sigma})
-    limits = WORDS[all(passed for passed, *_ in decided.values())] if decided else None
+    limits = _text(all(passed for passed, *_ in decided.values())) if decided else None
     return {
-        "schema": "calstation.verify/1", "source": str(source), "serial": serial,
-        "log": log.digests, "agrees": not rows, "parameters": parameters,
-        "verdict": {"stated": WORDS.get(claims[0].table.get(("verdict", "unit"))), "limits": limits},
+        "schema": "calstation.verify/1", "source": str(source), "serial": serial, "log": log.digests,
+        "agrees": not findings, "parameters": parameters,
+        "verdict": {"stated": _text(claims[0].table.get(("verdict", "unit"))), "limits": limits},
         "largest": max((abs(row["difference"]) for row in parameters.values()), default=None),
-        "findings": [dict(zip(("code", "subject", "text"), row, strict=True)) for row in rows],
+        "findings": [dict(zip(("code", "subject", "text"), row, strict=True)) for row in findings],
     }  # fmt: skip
-
-
-def _compare(claim, own, solution, reasons):
-    """Yield (code, subject, text) for every statement of a claim that differs from the own table, or lacks in it."""
-    missing = [name for kind, name in own if kind == "value" and (kind, name) not in claim.table]
-    yield from (("missing", name, f"{claim.source} does not state it") for name in missing)
-    for (kind, name), stated in claim.table.items():
-        value, low, high = own.get((kind, name), (stated, stated, stated))
-        if not low <= stated <= high:
-            text = f"{claim.source} states a {kind} of {_text(stated)}, the log gives {_text(value)}"
-            reason = f" ({', '.join(reasons[:5])})" if reasons and kind == "verdict" else ""
-            yield "decision" if kind in ("within", "sigma_below") else kind, name, text + reason
-        if kind == "value" and (kind, name) not in own and solution.prior[NAMES.index(name)]:
-            yield "unfounded", name, f"{claim.source} states it, but no stage of the run determines it"
-
-
-def _text(value):
-    return WORDS[value] if isinstance(value, bool) else str(value)
 
 
 def _find_log(source, claims, log_path):
     """Return the log of a certificate: the given one, or the one beside it."""
-    if log_path is not None:
-        return Path(log_path)
-    for claim in claims:
-        stated = Path((claim.result or {}).get("log", {}).get("file", ""))
-        for path in (source.parent / stated.name, stated, source.with_suffix(".h5")):
-            if path.suffix == ".h5" and path.is_file():
-                return path
-    raise UnreadableError(f"the log of {source} is not beside it; give it by --log")
+    stated = [Path((claim.result or {}).get("log", {}).get("file", "")) for claim in claims]
+    beside = [path for name in stated for path in (source.parent / name.name, name)] + [source.with_suffix(".h5")]
+    found = [Path(log_path)] if log_path else [path for path in beside if path.suffix == ".h5" and path.is_file()]
+    if not found:
+        raise UnreadableError(f"the log of {source} is not beside it; give it by --log")
+    return found[0]
 
 
-def show(report):
-    """Print the comparison as a table."""
-    print(f"{'parameter':<20}{'stated':>15}{'own':>15}{'sigma':>12}{'difference':>12}{'sigma ratio':>13}")
-    for name, row in report["parameters"].items():
-        numbers = f"{row['stated'][0]:>15.6e}{row['own'][0]:>15.6e}{row['own'][1]:>12.2e}"
-        print(f"{name:<20}{numbers}{row['difference']:>+12.4f}{row['sigma_ratio']:>13.4f}")
-    for finding in report["findings"]:
-        print(f"{finding['code']}: {finding['subject']}: {_printable(finding['text'])}")
-    print(f"log {report['log']['log']}")
-    print("verdict stated: {stated}; limits by own values: {limits}".format(**report["verdict"]))
-    print("The log agrees." if report["agrees"] else f"The log does not agree: {len(report['findings'])} findings.")
+def _findings(claim, first, own, solution, reasons):
+    """Yield (code, subject, text) for every statement that differs from the own table or the first document."""
+    for name in (name for kind, name in own if kind == "value" and (kind, name) not in claim.table):
+        yield "missing", name, f"{claim.source} does not state it"
+    for (kind, name), stated in claim.table.items():
+        value, low, high = own.get((kind, name), (stated, stated, stated))
+        if not low <= stated <= high:
+            reason = f" ({', '.join(reasons[:5])})" if reasons and kind == "verdict" else ""
+            text = f"{claim.source} states a {kind} of {_text(stated)}, the log gives {_text(value)}{reason}"
+            yield "decision" if kind in DECISIONS else kind, name, text
+        if kind == "value" and (kind, name) not in own and solution.prior[NAMES.index(name)]:
+            yield "unfounded", name, f"{claim.source} states it, but no stage of the run determines it"
+        other = first.table.get((kind, name), stated)
+        is_same = math.isclose(other, stated, rel_tol=1e-6) if isinstance(stated, float) else other == stated
+        if kind != "correlation" and not is_same:
+            yield "contradiction", name, f"{first.source} states a {kind} of {other}, {claim.source} {stated}"
 
 
-def _printable(text):
-    return "".join(c if c.isprintable() else "?" for c in text)
+def _text(value):
+    return ("pass" if value else "fail") if isinstance(value, bool) else value
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the program and return its exit code, see `AGREES`."""
-    parser = argparse.ArgumentParser(
-        prog="verify", description="Solve a log independently and compare its certificate."
-    )
+    parser = argparse.ArgumentParser("verify", description="Solve a log independently and compare its certificate.")
     parser.add_argument("source", metavar="CERTIFICATE.pdf|DCC.xml|RESULT.json|LOG.h5")
     parser.add_argument("--log", metavar="LOG.h5", help="log of the certificate, if it is not beside it")
     parser.add_argument("--json", metavar="FILE|-", help="write the comparison as JSON")
@@ -207,7 +256,23 @@ def main(arguments: list[str] | None = None) -> int:
     except DAMAGED as exc:
         code, reason = UNREADABLE, f"{options.source} has an entry of another kind than expected: {exc!r}"
     else:
-        print(text) if options.json == "-" else show(report)
+        print(text if options.json == "-" else _table(report))
         return AGREES if report["agrees"] else DIFFERS
     print(f"verify: {_printable(reason)}", file=sys.stderr)
     return code
+
+
+def _table(report):
+    """Return the comparison as lines of text."""
+    lines = [f"{'parameter':<20}{'stated':>15}{'own':>15}{'sigma':>12}{'difference':>12}{'sigma ratio':>13}"]
+    for name, row in report["parameters"].items():
+        numbers = f"{row['stated'][0]:>15.6e}{row['own'][0]:>15.6e}{row['own'][1]:>12.2e}"
+        lines.append(f"{name:<20}{numbers}{row['difference']:>+12.4f}{row['sigma_ratio']:>13.4f}")
+    lines += [_printable("{code}: {subject}: {text}".format(**finding)) for finding in report["findings"]]
+    lines += [f"log {report['log']['log']}", "verdict stated: {stated}; limits: {limits}".format(**report["verdict"])]
+    agrees = "agrees." if report["agrees"] else f"does not agree: {len(report['findings'])} findings."
+    return "\n".join([*lines, f"The log {agrees}"])
+
+
+def _printable(text):
+    return "".join(c if c.isprintable() else "?" for c in text)

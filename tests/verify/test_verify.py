@@ -67,6 +67,10 @@ def test_nothing_of_the_product_is_imported() -> None:
                 assert package in ALLOWED | sys.stdlib_module_names, f"{file.name} imports {name}"
 
 
+def test_an_auditor_can_read_the_program() -> None:
+    assert sum(len(file.read_text(encoding="utf-8").splitlines()) for file in FOLDER.glob("*.py")) < 800
+
+
 @pytest.mark.long  # starts a process that loads scipy
 def test_a_copy_of_the_folder_runs_alone(tmp_path: Path) -> None:
     shutil.copytree(FOLDER, tmp_path / "opinion", ignore=shutil.ignore_patterns("__pycache__"))
