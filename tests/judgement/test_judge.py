@@ -13,7 +13,7 @@ from calstation.estimation.common import Consistency, Posterior
 from calstation.judgement import SolvedAgain, compare_only, judge
 from calstation.judgement.judge import End, advice, is_partial, verdict_of
 from calstation.physics import COUNT, NAMES
-from calstation.records import LogMeta, Verdict
+from calstation.records import Excitation, LogMeta, PriorSection, Verdict
 
 PRIOR = Posterior(np.zeros(COUNT), np.eye(COUNT))
 SOLVED = Solution("rate", Posterior(np.zeros(COUNT), 1e-24 * np.eye(COUNT)), NAMES, Consistency(1.0, 0.9, 1.1, 100))
@@ -97,6 +97,44 @@ def test_stages_solved_again_are_partial_if_some_are_missing() -> None:
     assert is_partial(META.model_copy(update={"profiles": {}}), ["rate"]) is False
 
 
+def test_stages_of_the_product_replace_the_default_ones() -> None:
+    assert META.run is not None
+    run = META.run.model_copy(update={"stages": ["rate", "six_position"]})
+    meta = META.model_copy(update={"run": run})
+    for stages, partial in (('["rate"]', False), ('["rate", "excitation"]', True)):
+        product = {**meta.profiles, "product": f"stages = {stages}"}
+        assert is_partial(meta.model_copy(update={"profiles": product})) is partial
+
+
+def moved(**values: float) -> Solution:
+    """A solution with other values of some parameters."""
+    mean = np.array([values.get(name, 0.0) for name in NAMES])
+    return replace(SOLVED, posterior=Posterior(mean, SOLVED.posterior.covariance))
+
+
+def calibrated(meta: LogMeta) -> LogMeta:
+    """Return the configuration of a run that starts from the current calibration of the unit."""
+    assert meta.run is not None
+    return meta.model_copy(update={"run": meta.run.model_copy(update={"calibration": "run 1"})})
+
+
+def test_only_stated_priors_other_than_the_current_calibration_are_compared() -> None:
+    rows = {"gyro_bias_x": PriorSection(value=0.0, sigma=1.0), "gyro_bias_y": PriorSection(value=0.0)}
+    meta = META.model_copy(update={"prior": rows})
+    for solution, passed in ((moved(gyro_bias_x=20.0), False), (moved(gyro_bias_y=20.0), True)):
+        (check,) = [check for check in judge(meta, PRIOR, (solution,)).checks if check.kind == "prior"]
+        assert (check.where.parameter, check.passed) == ("gyro_bias_x", passed)
+    assert "prior" not in {check.kind for check in judge(calibrated(meta), PRIOR, (SOLVED,)).checks}
+
+
+def test_the_excitation_is_checked_unless_the_unit_was_calibrated_before() -> None:
+    assert META.product is not None
+    assert META.product.checks is not None
+    meta = with_product(checks=META.product.checks.model_copy(update={"excitation": Excitation(sigma_ratio_below=0.5)}))
+    kinds = [{check.kind for check in judge(each, PRIOR, (SOLVED,)).checks} for each in (meta, calibrated(meta))]
+    assert [("excitation" in each) for each in kinds] == [True, False]
+
+
 def test_comparison_without_tests_has_values_and_sigmas_only() -> None:
     judgement = compare_only(META, PRIOR, (COARSE,))
     assert (judgement.passed, judgement.tested, judgement.partial) == (None, False, True)
@@ -107,8 +145,10 @@ def test_comparison_without_tests_has_values_and_sigmas_only() -> None:
 def test_sigma_that_gravity_alone_exceeds_names_gravity_as_its_cause() -> None:
     assert META.product is not None
     limits = META.product.limits
-    narrow = limits["accel_scale"].model_copy(update={"sigma_below": 1e-9})
+    narrow = limits["accel_scale"].model_copy(update={"sigma_below": 1e-9, "within": 1e-9})
     meta = with_product(limits={**limits, "accel_scale": narrow})
+    values = [check for check in judge(meta, PRIOR, (COARSE,)).checks if check.kind == "within"]
+    assert {check.diagnosis for check in values} == {None}, "of values, gravity is not the cause"
     causes = {c.subject: c.diagnosis for c in judge(meta, PRIOR, (COARSE,)).checks if c.kind == "sigma_below"}
     gravity = causes["accel_scale_x"]
     assert gravity is not None
@@ -131,6 +171,20 @@ def test_noise_is_the_cause_of_sigmas_that_it_explains_if_no_other_cause_is_know
         (sigma,) = [c for c in checks if c.kind == "sigma_below" and not c.passed]
         assert sigma.subject == NAMES[0]
         assert (sigma.diagnosis and sigma.diagnosis.cause) == cause
+
+
+def test_the_larger_noise_is_the_cause_up_to_its_ratio_to_the_profile() -> None:
+    assert META.product is not None
+    covariance = SOLVED.posterior.covariance.copy()
+    covariance[0, 0] = 0.375**2
+    limits = {NAMES[0]: META.product.limits["gyro_bias"].model_copy(update={"sigma_below": 0.125, "within": 1.0})}
+    for kind, other in (("table_noise", "imu_noise"), ("imu_noise", "table_noise")):
+        tests = tuple(ModelTest(k, value, 5.0, "1", Diagnosis(k)) for k, value in ((kind, 3.0), (other, 2.0)))
+        solution = replace(SOLVED, posterior=Posterior(np.zeros(COUNT), covariance), tests=tests)
+        checks = judge(with_product(limits=limits, checks=None), PRIOR, (solution,)).checks
+        (sigma,) = [check for check in checks if check.kind == "sigma_below"]
+        assert sigma.diagnosis is not None
+        assert sigma.diagnosis.cause == kind, "three times the limit, with three times the noise"
 
 
 def test_only_a_completed_run_that_passed_and_lacks_no_stage_is_a_pass() -> None:

@@ -65,6 +65,23 @@ def test_heading_that_is_far_off_comes_before_every_effect() -> None:
         assert next(check.diagnosis.cause for check in checks if check.diagnosis is not None) == first
 
 
+def test_heading_comes_before_its_consequences_and_after_other_causes() -> None:
+    """At three times its limit it is not far off; a passed test of effects names none; faults of the data remain."""
+    meta = load_configuration(RunRequest("SN-1", product=Path("data/products/nav_a.toml"))).log_meta()
+    heading = ModelTest("heading", 0.75, 0.25, "rad", Diagnosis("heading_wrong"))
+    effect = ModelTest("effects", 5000.0, 30.0, "1", Diagnosis("g_sensitivity"))
+    passed = ModelTest("effects", 5.0, 30.0, "1", Diagnosis("g_sensitivity"))
+    clipping = ModelTest("clipping", 9.0, 5.0, "1", Diagnosis("clipped"))
+    noise = ModelTest("table_noise", 9.0, 5.0, "1", Diagnosis("table_noise"))
+    for tests, causes in (
+        ((effect, heading), ["g_sensitivity", "heading_wrong"]),
+        ((passed, noise, heading), ["heading_wrong", "table_noise"]),
+        ((clipping, noise, heading), ["clipped", "heading_wrong", "table_noise"]),
+    ):
+        checks = judge(meta, PRIOR, (replace(SOLVED, tests=tests),)).checks
+        assert [check.diagnosis.cause for check in checks if check.diagnosis is not None] == causes
+
+
 def test_documentation_describes_every_kind_of_test() -> None:
     text = Path("docs/explanation/estimation.md").read_text(encoding="utf-8")
     described = text.partition("### Tests of the model")[2].partition("\n## ")[0]
