@@ -30,7 +30,7 @@ COUNT = len(NAMES)
 AT = {group: [i for i in range(COUNT) if GROUP[i] == group] for group in GROUPS}
 BIASES, UP = AT["gyro_bias"] + AT["accel_bias"], np.array([0.0, 0.0, 1.0])
 #: Exceptions of a damaged file.
-DAMAGED = (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
+DAMAGED: tuple[type[Exception], ...] = (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
 DAMAGED += (RuntimeError, StopIteration, SyntaxError, zlib.error)
 #: Columns of the samples that the digest of every log covers, and those that it covers if a log has them.
 DIGESTED = {"seq": "<i8", "time": "<f8", "counts": "<f8", "angles": "<f8", "step": "<i8"}

@@ -51,6 +51,14 @@ def test_every_line_is_on_disk_when_it_is_acknowledged(tmp_path: Path, monkeypat
     assert synced[-1] == made.path.stat().st_size
 
 
+def test_a_journal_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    path = begin(tmp_path).path
+    path.unlink()
+    path.mkdir()
+    with raises_code(ConfigurationError, "journal.unreadable"):
+        journal.interrupted(tmp_path, "SN-1")
+
+
 def test_units_never_share_a_journal(tmp_path: Path) -> None:
     names = ["SN-1", "SN/1", "SN%2F1", "../SN", "Ж 1"]
     for name in names:
