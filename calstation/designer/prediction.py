@@ -11,7 +11,7 @@ import numpy as np
 
 from calstation.estimation.common import PlannedSamples, Posterior, SampleBlock, TemperatureModel, stage_data
 from calstation.estimation.navigation import NavigationStage
-from calstation.estimation.temperature import TemperaturePoint, held_out_points, predicted_covariance
+from calstation.estimation.temperature import TemperaturePoint, held_out_points, predicted_covariance, with_ways
 from calstation.physics import COUNT, GROUPS, Dwell, FloatArray, Move, group_indices
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
 from calstation.sequencer import step_time
@@ -68,7 +68,7 @@ class Prediction:
         after_soak : whether the end of a soak precedes them
         """
         model, posterior = self._model, self.posterior(cycles, after_soak=after_soak)
-        points = [TemperaturePoint(t, rate, 0.0, "soak", 0, 0, self._prior, posterior) for t, rate in visits]
+        points = with_ways([TemperaturePoint(t, rate, 0.0, "soak", 0, 0, self._prior, posterior) for t, rate in visits])
         covariance = predicted_covariance(model, held_out_points(points, model.held_out), self._prior)
         x = (model.temperatures - model.reference) / model.span
         variances = np.zeros((len(x), COUNT))

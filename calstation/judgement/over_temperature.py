@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import chdtrc
 
 from calstation.estimation import Diagnosis, Estimate, ModelTest, Solution
 from calstation.estimation.common import SampleBlock
@@ -12,9 +13,9 @@ from calstation.judgement.check import Check, Where
 from calstation.physics import INDEX, PARAMETERS, FloatArray, entry_of
 from calstation.records import Limit
 
-#: Smallest difference between rising and falling temperature that counts, in sigmas: of 30 parameters, one is larger in
-#: 10 million runs.
-_UP_DOWN_SIGMAS = 6.0
+#: Smallest probability of the differences of a group between rising and falling temperature with which they are noise,
+#: and the largest of them then, in sigmas.
+_UP_DOWN_PROBABILITY, _UP_DOWN_SIGMAS = 1e-5, 6.0
 
 #: Window in which a unit is steady, s, and largest change of its temperature and of the air from one half of it to the
 #: other, K.
@@ -58,7 +59,8 @@ def check_up_down(solution: Solution, limits: Mapping[str, Limit], near: float) 
     """Return the check of the hysteresis of a stage at several temperatures; [] if it was not determined.
 
     Half of the difference of a parameter between rising and falling temperature is an error of its polynomial. It may
-    be as large as the limit of the parameter's sigma, or not significant.
+    be as large as the rest of the parameter's sigma permits within the limit of the sigma, or its group is not
+    significant.
 
     Parameters
     ----------
@@ -71,10 +73,19 @@ def check_up_down(solution: Solution, limits: Mapping[str, Limit], near: float) 
     if fit is None or not rows:
         return []
 
+    without = fit.without_hysteresis
+    squares = dict.fromkeys((PARAMETERS[INDEX[row.parameter]].group for row in rows), np.zeros(0))
+    for row in rows:
+        group = PARAMETERS[INDEX[row.parameter]].group
+        squares[group] = np.append(squares[group], (row.difference / row.sigma) ** 2)
+
     def largest(row: UpDown) -> float:
-        limit = entry_of(limits, row.parameter)
-        permitted = None if limit is None else limit.sigma_limit(solution.stage)
-        return max(permitted or 0.0, 0.5 * _UP_DOWN_SIGMAS * row.sigma)
+        limit, each = entry_of(limits, row.parameter), squares[PARAMETERS[INDEX[row.parameter]].group]
+        permitted = (None if limit is None else limit.sigma_limit(solution.stage)) or 0.0
+        rest = float(without.largest_sigma[INDEX[row.parameter]])
+        permitted = np.sqrt(permitted**2 - rest**2) if rest < permitted else permitted
+        is_noise = chdtrc(len(each), each.sum()) > _UP_DOWN_PROBABILITY
+        return max(permitted, 0.5 * _UP_DOWN_SIGMAS * row.sigma if is_noise or not permitted else 0.0)
 
     worst = max(rows, key=lambda row: abs(row.difference) / largest(row))
     i, half = INDEX[worst.parameter], 0.5 * abs(worst.difference)
@@ -82,8 +93,7 @@ def check_up_down(solution: Solution, limits: Mapping[str, Limit], near: float) 
     check = Check.compare("hysteresis", half, largest(worst), unit, subject=solution.stage, near=near, where=where)
     if check.passed:
         return [check]
-    variances = fit.at(fit.model.reference).sigma ** 2 - fit.hysteresis**2
-    sigma = np.sqrt(np.maximum(variances, np.finfo(np.float64).tiny))
+    sigma = without.at(fit.model.reference).sigma
     shifts = {row.parameter: 0.5 * row.difference / float(sigma[INDEX[row.parameter]]) for row in rows}
     values = {"parameter": worst.parameter, "group": PARAMETERS[i].group}
     hysteresis = Diagnosis("temperature_hysteresis", worst.difference, worst.sigma, unit, shifts, values)

@@ -18,6 +18,7 @@ from calstation.estimation.common import Posterior, SampleBlock, TemperatureMode
 from calstation.estimation.navigation import temperature_parts
 from calstation.estimation.temperature import (
     ELEMENT_OF,
+    ELEMENTS,
     NO_LAGS,
     Polynomials,
     TemperatureFit,
@@ -77,6 +78,7 @@ class _Unit:
     fit: TemperatureFit
     without: TemperatureFit
     truth: FloatArray
+    in_use: FloatArray  #: The same after the temperature rose or fell, shape (12, 30).
     coefficients: FloatArray  #: Scaled coefficients of the polynomials nearest to the true parameters, shape (c,).
     minutes: float
 
@@ -86,7 +88,8 @@ def study_temperature(
 ) -> dict[str, Any]:
     """Study soaks or a ramp; return JSON data as `run_method_study` does.
 
-    `nees` is that of all coefficients, `held_out` the rms of the difference at a held-out temperature over its sigma,
+    `nees` is that of all coefficients without the hysteresis, like the statistics of the groups, and `in_use` the rms
+    of error/sigma of a group with it. `held_out` the rms of the difference at a held-out temperature over its sigma,
     `minutes` the chamber time, `within_limits` the number of units whose sigmas are within the limits of the product
     over the range, and `tested` that of the units that pass the test of the fit. Raises ConfigurationError for a grade
     without a product.
@@ -145,10 +148,13 @@ def _unit(setting: _Setting, grade: GradeName, seed: int) -> _Unit:
     block = SampleBlock.without_table(SOAK, simulated.seq, simulated.time, simulated.counts, **columns)
     drawn = _Drawn(setting, block, np.array(simulator.parameters_of_cells), seed)
     fit, without = drawn.fit(()), drawn.fit(_HELD_OUT)
-    steady = np.array([simulator.thermal.steady(truth.parameters, t) for t in _TEMPERATURES])
-    at_points = [simulator.thermal.steady(truth.parameters, p.temperature) for p in fit.points]
+    thermal, base = simulator.thermal, truth.parameters
+    steady = np.array([thermal.steady(base, t) for t in _TEMPERATURES])
+    sides = np.random.default_rng([seed, 8]).choice([-1.0, 1.0], len(ELEMENTS))
+    in_use = np.array([thermal.steady(base, t, sides[ELEMENT_OF]) for t in _TEMPERATURES])
+    at_points = [thermal.steady(base, p.temperature) for p in fit.points]
     nearest = _nearest(fit, at_points, setting.prior.sigma)
-    return _Unit(fit, without, steady, nearest, float(simulated.time[-1]) / 60.0)
+    return _Unit(fit, without, steady, in_use, nearest, float(simulated.time[-1]) / 60.0)
 
 
 def _nearest(fit: TemperatureFit, steady: list[FloatArray], scale: FloatArray) -> FloatArray:
@@ -214,9 +220,8 @@ class _Drawn:
             rate = float(sensed[-1] - sensed[0]) / float(times[-1] - times[0])
             conditions = float(sensed.mean()), rate, float(times.mean())
             solved = self._solved(true, noise)
-            points.append(
-                TemperaturePoint(*conditions, "soak", first, last, self._setting.prior, solved, elements=means)
-            )
+            point = TemperaturePoint(*conditions, "soak", first, last, self._setting.prior, solved, elements=means)
+            points.append(replace(point, extent=(float(sensed.min()), float(sensed.max()))))
         return points
 
     def _solved(self, true: FloatArray, noise: FloatArray) -> Posterior:
@@ -232,14 +237,15 @@ class _Drawn:
 def _group(units: list[_Unit], group: str) -> dict[str, Any]:
     """Return the statistics of error/sigma at 12 temperatures of the parameters of a group."""
     index = list(group_indices(group))
-    ratios, correlations, sigmas = [], [], []
+    ratios, in_use, correlations, sigmas = [], [], [], []
     for unit in units:
         basis = np.vstack([unit.fit.model.basis(t)[index] for t in _TEMPERATURES])
-        covariance = basis @ unit.fit.scaled_covariance @ basis.T
-        sigma = np.sqrt(np.diag(covariance))
-        error = basis @ unit.fit.scaled - unit.truth[:, index].ravel()
+        covariance = basis @ unit.fit.without_hysteresis.scaled_covariance @ basis.T
+        sigma, found = np.sqrt(np.diag(covariance)), basis @ unit.fit.scaled
         free = sigma > 0.0
-        ratios.append(error[free] / sigma[free])
+        ratios.append((found - unit.truth[:, index].ravel())[free] / sigma[free])
+        whole = np.sqrt(np.sum(basis @ unit.fit.scaled_covariance * basis, axis=1))
+        in_use.append((found - unit.in_use[:, index].ravel())[free] / whole[free])
         correlations.append(covariance[np.ix_(free, free)] / np.outer(sigma[free], sigma[free]))
         sigmas.append(unit.fit.largest_sigma[index].max())
     low, high = rms_band(correlations)
@@ -251,6 +257,7 @@ def _group(units: list[_Unit], group: str) -> dict[str, Any]:
         "low": low,
         "high": high,
         "largest": float(np.abs(values).max()),
+        "in_use": float(np.sqrt(np.mean(np.concatenate(in_use) ** 2))),
         "passed": bool(low <= rms <= high),
     }
 
@@ -259,7 +266,7 @@ def _nees(units: list[_Unit]) -> dict[str, Any]:
     """Return the mean normalised estimation error squared of the coefficients of all powers."""
     total, count = 0.0, 0
     for unit in units:
-        covariance = unit.fit.scaled_covariance
+        covariance = unit.fit.without_hysteresis.scaled_covariance
         used = [k for k, c in enumerate(unit.fit.model.columns) if c.power is not None and covariance[k, k] > 0.0]
         error = (unit.fit.scaled - unit.coefficients)[used]
         total += float(error @ np.linalg.solve(covariance[np.ix_(used, used)], error))

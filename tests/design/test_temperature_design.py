@@ -58,14 +58,21 @@ def bias_sigmas(model: TemperatureModel, temperatures) -> np.ndarray:
 
 
 def test_sigmas_of_a_line_are_those_of_the_textbook() -> None:
+
+    def expected(temperatures: np.ndarray) -> np.ndarray:
+        distance, square = LINE.temperatures - temperatures.mean(), np.sum((temperatures - temperatures.mean()) ** 2)
+        return SIGMA * np.sqrt(1.0 / len(temperatures) + distance**2 / square)
+
     temperatures = np.linspace(-40.0, 85.0, 6)
     predicted = bias_sigmas(LINE, temperatures)
-    distance = LINE.temperatures - temperatures.mean()
-    expected = SIGMA * np.sqrt(1.0 / 6.0 + distance**2 / np.sum((temperatures - temperatures.mean()) ** 2))
-    assert predicted == pytest.approx(expected, rel=1e-6)
-    ends = bias_sigmas(LINE, [-40.0, 85.0] * 3)
+    assert predicted == pytest.approx(expected(temperatures), rel=1e-6)
+    ends = bias_sigmas(LINE, [-40.0] * 3 + [85.0] * 3)
     assert ends[[0, -1]] == pytest.approx(SIGMA / np.sqrt(3.0), rel=1e-6)
     assert ends.max() < predicted.max()
+    # the sigmas include the hysteresis that temperatures visited from both sides do not exclude
+    visits = np.array([25.0, -40.0, 25.0, 85.0] * 2)
+    ratio = bias_sigmas(LINE, visits) / expected(visits)
+    assert np.all((ratio > 1.05) & (ratio < 3.0)), ratio
 
 
 @pytest.mark.parametrize("order", [2, 3, 4, 5])
@@ -213,7 +220,7 @@ def test_ramp_of_a_mems_unit_takes_less_than_two_hours(tmp_path: Path) -> None:
     path = product_with(tmp_path, ('order = "auto"', stated), ("[schedule.temperature]", ramp))
     found = design(path, time_constant=270.0, self_heating=4.0)
     assert found.is_ramp
-    assert found.ramp.worst < 0.3
+    assert found.ramp.worst < 0.4
     assert found.ramp.course.duration < 6600.0
     slow = design(path, time_constant=900.0, self_heating=4.0)
     assert slow.ramp.schedule["soak"]["unit_rate_below_c_per_min"] == 0.1

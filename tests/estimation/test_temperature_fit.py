@@ -51,10 +51,10 @@ def test_errors_of_coefficients_and_parameters_agree_with_their_covariance() -> 
     for _ in range(60):
         scaled, truth = polynomials(rng)
         fit = fit_temperature(MODEL, measured(rng, truth), PRIOR)
-        error = fit.scaled - scaled
-        nees.append(error @ np.linalg.solve(fit.scaled_covariance, error) / len(error))
+        without, error = fit.without_hysteresis, fit.scaled - scaled
+        nees.append(error @ np.linalg.solve(without.scaled_covariance, error) / len(error))
         for t in np.linspace(-40.0, 85.0, 12):
-            at = fit.at(t)
+            at = without.at(t)
             over_range.append((at.mean - truth(t, 0)) / at.sigma)
         nis.append(fit.consistency.nis_mean)
         assert fit.test.passed
@@ -127,8 +127,8 @@ def test_hysteresis_has_a_size_and_leaves_the_other_tests_alone() -> None:
 def test_sigmas_include_the_hysteresis_and_the_bias_instability() -> None:
     rng = np.random.default_rng(11)
     group, half = group_indices("accel_bias"), 0.01 * PRIOR.sigma[INDEX["accel_bias_x"]]
-    found = []
-    for _ in range(10):
+    at_rest, in_use = [], []
+    for _ in range(30):
         scaled, truth = polynomials(rng)
         loop = half * rng.choice([-1.0, 1.0], 3)
 
@@ -140,8 +140,11 @@ def test_sigmas_include_the_hysteresis_and_the_bias_instability() -> None:
         fit = fit_temperature(MODEL, measured(rng, looped), PRIOR)
         assert fit.hysteresis[group] == pytest.approx(half, rel=0.5)
         assert fit.at(60.0).sigma[group].min() > fit.hysteresis[group[0]]
-        found.append((fit.at(60.0).mean - MODEL.basis(60.0) @ scaled)[group] / fit.at(60.0).sigma[group])
-    assert 0.5 < np.std(found) < 1.3
+        error = (fit.at(60.0).mean - MODEL.basis(60.0) @ scaled)[group]
+        at_rest.append(error / fit.without_hysteresis.at(60.0).sigma[group])
+        in_use.append((error - rng.choice([-1.0, 1.0]) * loop) / fit.at(60.0).sigma[group])
+    assert 0.8 < np.std(at_rest) < 1.2
+    assert 0.8 < np.std(in_use) < 1.2
     points = measured(rng, polynomials(rng)[1])
     before, drift = fit_temperature(MODEL, points, PRIOR).at(60.0).sigma, np.zeros(COUNT)
     drift[group] = 1e-3
@@ -176,6 +179,30 @@ def test_lags_of_gyros_and_accelerometers_are_estimated_from_a_ramp() -> None:
         blind = fit_temperature(MODEL, [replace(p, rate=0.0, elements=None) for p in points], PRIOR)
         assert not blind.test.passed
     assert np.concatenate(errors).std() == pytest.approx(1.0, abs=0.25)
+
+
+@pytest.mark.long
+def test_covariance_contains_the_course_of_a_hysteresis_at_the_turns_of_a_ramp() -> None:
+    rng = np.random.default_rng(12)
+    temperatures = (*np.arange(21.0, -44.0, -9.0), *np.arange(-42.0, 81.0, 9.0), *np.arange(75.0, 21.0, -9.0))
+    middle, loops = 23.0, []
+    for t in temperatures:
+        middle = float(np.clip(middle, t - 8.0, t + 8.0))
+        loops.append((t - middle) / 8.0)
+    biases, nees = [*group_indices("gyro_bias"), *group_indices("accel_bias")], []
+    for _ in range(15):
+        scaled, truth = polynomials(rng)
+        size = np.zeros(COUNT)
+        size[biases] = 3e-3 * PRIOR.sigma[biases] * rng.uniform(-1.0, 1.0, 6)
+        points = measured(rng, lambda t, k, truth=truth, size=size: truth(t, k) + size * loops[k], temperatures)
+        fit = fit_temperature(MODEL, points, PRIOR)
+        used = [k for k, c in enumerate(MODEL.columns) if c.parameter in biases]
+        for found in (fit.without_hysteresis, polynomials_of(MODEL, points, PRIOR)):
+            error = (found.scaled - scaled)[used]
+            covariance = found.scaled_covariance[np.ix_(used, used)]
+            nees.append(error @ np.linalg.solve(covariance, error) / len(used))
+    assert np.mean(nees[::2]) == pytest.approx(1.0, abs=0.3)
+    assert np.mean(nees[1::2]) > 2.0  # without the hysteresis
 
 
 def test_scatter_of_one_group_is_no_hysteresis() -> None:

@@ -377,7 +377,6 @@ class SensorStream:
         if thermal is not None and count:
             for taken in self._cells(thermal, count, outer, inner):
                 self.produced += taken
-            self._model = replace(self._imu, parameters=thermal.parameters(self._imu.parameters)).error_model()
 
     def _cells(self, thermal: UnitThermal, count: int, outer: JointProfile, inner: JointProfile) -> Iterator[int]:
         """Advance the temperatures, and yield the numbers of samples of each part of the time between two changes."""

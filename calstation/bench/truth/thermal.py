@@ -154,21 +154,21 @@ class UnitThermal:
         """Return the present parameters, SI, shape (30,), of a unit with parameters `base` at 25 °C."""
         temperature, rate = self._temperatures[self._index], self._rates[self._index]
         loop = (temperature - self._play[self._index]) / _PLAY
-        settings = self._settings
-        moving = settings.rate_term * _RATE_SHARE * 60.0 * self._slopes * rate
-        remaining = settings.hysteresis * _HYSTERESIS_SHARE * self._loops * loop
-        return np.asarray(self.steady(base, temperature) + self._size * self._is_bias * (moving + remaining))
+        moving = self._settings.rate_term * _RATE_SHARE * 60.0 * self._slopes * rate
+        return self.steady(base, temperature, loop) + np.asarray(self._size * self._is_bias * moving)
 
-    def steady(self, base: FloatArray, temperature: FloatArray | float) -> FloatArray:
-        """Return the parameters of a unit that rests at a temperature, °C, without hysteresis, SI, shape (30,).
+    def steady(self, base: FloatArray, temperature: FloatArray | float, loop: FloatArray | float = 0.0) -> FloatArray:
+        """Return the parameters of a unit that rests at a temperature, °C, SI, shape (30,).
 
         Parameters
         ----------
         base : parameters at 25 °C, SI, shape (30,)
         temperature : temperature of all sensors, or of the sensor of each parameter, °C, shape (30,)
+        loop : state of the hysteresis, or that of each parameter, shape (30,): -1 after cooling, 1 after heating
         """
         shape = self._shape(np.broadcast_to(temperature, COUNT)) - self._shape(np.full(COUNT, REFERENCE))
-        return np.asarray(base + self._size * shape)
+        remaining = self._settings.hysteresis * _HYSTERESIS_SHARE * self._loops * self._is_bias * loop
+        return np.asarray(base + self._size * (shape + remaining))
 
     def _shape(self, temperature: FloatArray) -> FloatArray:
         saturating = np.tanh((temperature - self._centres[0]) / self._widths[0])

@@ -80,7 +80,7 @@ def _follow(bar: Progress, name: str) -> Callable[[int, int], None]:
 
 
 def _show_groups(console: Console, title: str, row: Mapping[str, Any]) -> None:
-    optional = [key for key in ("largest", "cost") if all(key in group for group in row["groups"].values())]
+    optional = [key for key in ("largest", "in_use", "cost") if all(key in group for group in row["groups"].values())]
     columns = "cli.column_group", "cli.column_sigma", "cli.column_error_ratio", "cli.column_band"
     table = new_table(title, *columns, *(f"cli.column_{key}" for key in optional), "cli.column_verdict")
     for name, group in row["groups"].items():

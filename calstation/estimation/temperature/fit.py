@@ -18,6 +18,7 @@ from calstation.estimation.common import Consistency, Diagnosis, ModelTest, Post
 from calstation.estimation.effects import MAX_EXCESS
 from calstation.estimation.temperature.course import ELEMENTS
 from calstation.estimation.temperature.equations import Equations, Unknowns, equations_of, unknowns_before
+from calstation.estimation.temperature.hysteresis import fit_with_hysteresis
 from calstation.estimation.temperature.points import TemperaturePoint, different_temperatures
 from calstation.physics import COUNT, GROUPS, NAMES, PARAMETERS, FloatArray, group_indices
 
@@ -34,8 +35,6 @@ _STEADY_RATE = 0.2
 _REMAINING_PROBABILITY = 0.01
 #: Largest probability with which scatter is taken for a cause.
 _SCATTER_PROBABILITY = 0.005
-#: Probability with which noise is taken for a hysteresis that increases the sigmas.
-_NOISE_PROBABILITY = 0.05
 _HYSTERESIS = "temperature_hysteresis"
 #: Lags of elements that have the temperature of the sensor.
 NO_LAGS = np.zeros(len(ELEMENTS))
@@ -127,6 +126,13 @@ class TemperatureFit(Polynomials):
     #: temperature did not rise and fall often enough, or if something else than a hysteresis fails the test.
     up_down: tuple[UpDown, ...] = ()
 
+    @property
+    def without_hysteresis(self) -> Polynomials:
+        """Polynomials of the unit without its hysteresis in use, of which nothing but its variance is known."""
+        covariance = self.scaled_covariance
+        without = covariance - _of_constants(self.model, np.diag(covariance), self.hysteresis)
+        return Polynomials(self.model, self.scaled, without, self.lags, self.lag_sigmas)
+
     def held_out(self, estimated: Sequence[str]) -> list[HeldOut]:
         """Return the differences at the held-out temperatures."""
         rows = []
@@ -194,12 +200,9 @@ def fit_temperature(
     """
     equations, before = equations_of(model, points, prior), unknowns_before(model, prior, lags)
     consistency, test, hysteretic = _tested(model, equations, before.sigma)
-    mean, covariance = before.updated(equations.jacobian, equations.observed)
-    hysteresis = _hysteresis(equations, before, prior)
-    further = hysteresis**2 + (0.0 if instability is None else instability**2)
-    for k, column in enumerate(model.columns):
-        if column.power == 0 and before.sigma[k] > 0.0:
-            covariance[k, k] += further[column.parameter]
+    mean, covariance, hysteresis = _with_hysteresis(model, equations, before, points)
+    if instability is not None:
+        covariance = covariance + _of_constants(model, before.sigma, instability)
     groups = hysteretic or (GROUPS if test.passed else ())
     return TemperatureFit(
         **vars(_solved(model, mean, covariance, lags)),
@@ -213,23 +216,52 @@ def fit_temperature(
 
 def predicted_covariance(model: TemperatureModel, points: Sequence[TemperaturePoint], prior: Posterior) -> FloatArray:
     """Return the covariance of the scaled coefficients after a fit to points, shape (c, c); see `fit_temperature`."""
-    return polynomials(model, points, prior).scaled_covariance
+    equations, before = equations_of(model, points, prior), unknowns_before(model, prior, NO_LAGS)
+    _, covariance, _ = _with_hysteresis(model, equations, before, points, is_planned=True)
+    return covariance[: len(model.columns), : len(model.columns)]
 
 
-def _hysteresis(equations: Equations, before: Unknowns, prior: Posterior) -> FloatArray:
-    """Return the sigmas of the parameters due to the hysteresis of their groups, SI, shape (30,).
+def _with_hysteresis(
+    model: TemperatureModel,
+    equations: Equations,
+    before: Unknowns,
+    points: Sequence[TemperaturePoint],
+    *,
+    is_planned: bool = False,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the unknowns of a fit, their covariance, and the rms of the hysteresis, SI, shape (30,).
 
-    That of a group is the rms of half of the differences between rising and falling temperature, without their own
-    variances, or 0 if the differences are not significant.
+    The covariance contains what the course of the hysteresis during the calibration leaves unknown, and, in the
+    constant coefficients, the hysteresis in use. There is none unless the temperature rises and falls repeatedly.
+
+    Parameters
+    ----------
+    model : orders of the polynomials
+    equations : observations
+    before : unknowns before the fit
+    points : all points, in order of time
+    is_planned : see `fit_with_hysteresis`
     """
-    sigmas = np.zeros(COUNT)
-    for group in GROUPS:
-        rows = () if group.endswith("_lever") else _up_down(equations, before, prior, (group,))
-        chi2 = sum((row.difference / row.sigma) ** 2 for row in rows)
-        if rows and chdtrc(len(rows), chi2) < _NOISE_PROBABILITY:
-            mean = sum(row.difference**2 - row.sigma**2 for row in rows) / len(rows)
-            sigmas[group_indices(group)] = 0.5 * np.sqrt(max(mean, 0.0))
-    return sigmas
+    if _ways([p for p, _ in equations.points]) is None:
+        return (*before.updated(equations.jacobian, equations.observed), np.zeros(COUNT))
+    mean, covariance, rms = fit_with_hysteresis(equations, before, points, is_planned=is_planned)
+    return mean, covariance + _of_constants(model, before.sigma, rms), rms
+
+
+def _of_constants(model: TemperatureModel, before: FloatArray, sigmas: FloatArray) -> FloatArray:
+    """Return the covariance of unknowns due to independent errors of the parameters at all temperatures, shape (u, u).
+
+    Parameters
+    ----------
+    model : orders of the polynomials
+    before : sigmas of the unknowns before the fit, shape (u,)
+    sigmas : those of the errors, SI, shape (30,)
+    """
+    variances = np.zeros(len(before))
+    for k, column in enumerate(model.columns):
+        if column.power == 0 and before[k] > 0.0:
+            variances[k] = sigmas[column.parameter] ** 2
+    return np.diag(variances)
 
 
 def _up_down(equations: Equations, before: Unknowns, prior: Posterior, groups: Sequence[str]) -> tuple[UpDown, ...]:
@@ -242,7 +274,7 @@ def _up_down(equations: Equations, before: Unknowns, prior: Posterior, groups: S
     prior : parameters before the calibration, whose sigmas bound the differences
     groups : groups with a difference
     """
-    ways = _ways(equations)
+    ways = _ways([p for p, _ in equations.points])
     if ways is None or not groups:
         return ()
     index = np.concatenate([group_indices(group) for group in groups])
@@ -336,7 +368,7 @@ def _tested(
     explain them fail the second one as scatter.
     """
     jacobian = equations.jacobian[:, sigma > 0.0] * sigma[sigma > 0.0]
-    hysteretic, ways = tuple[str, ...](), _ways(equations)
+    hysteretic, ways = tuple[str, ...](), _ways([p for p, _ in equations.points])
     while ways is not None:
         candidates = _candidates(model, equations, _Projector(jacobian), ways)
         best = max(candidates, key=lambda candidate: candidate.excess)
@@ -422,9 +454,9 @@ def _most_scattered(equations: Equations, projector: _Projector) -> str:
     return max(GROUPS, key=excess)
 
 
-def _ways(equations: Equations) -> FloatArray | None:
+def _ways(points: Sequence[TemperaturePoint]) -> FloatArray | None:
     """Return half a step up for points after a rise, and down after a fall; None if a way has too few points."""
-    ways = np.array([{"up": 0.5, "down": -0.5, "soak": 0.0}[p.way] for p, _ in equations.points])
+    ways = np.array([{"up": 0.5, "down": -0.5, "soak": 0.0}[p.way] for p in points])
     return ways if min(np.count_nonzero(ways > 0.0), np.count_nonzero(ways < 0.0)) >= _MIN_OF_WAY else None
 
 
