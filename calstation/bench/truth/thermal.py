@@ -155,7 +155,7 @@ class UnitThermal:
         temperature, rate = self._temperatures[self._index], self._rates[self._index]
         loop = (temperature - self._play[self._index]) / _PLAY
         moving = self._settings.rate_term * _RATE_SHARE * 60.0 * self._slopes * rate
-        return self.steady(base, temperature, loop) + np.asarray(self._size * self._is_bias * moving)
+        return np.asarray(self.steady(base, temperature, loop) + self._size * self._is_bias * moving)
 
     def steady(self, base: FloatArray, temperature: FloatArray | float, loop: FloatArray | float = 0.0) -> FloatArray:
         """Return the parameters of a unit that rests at a temperature, °C, SI, shape (30,).

@@ -119,7 +119,7 @@ def _loops(points: Sequence[TemperaturePoint]) -> FloatArray:
         for temperature in point.conditions[0][elements, None] + course[:, None, None]:
             middles = np.clip(middles, temperature - widths, temperature + widths)
             means[k] += (temperature - middles) / widths / _STEPS
-    return means / np.sqrt(len(widths))
+    return np.asarray(means / np.sqrt(len(widths)))
 
 
 def _parts(equations: Equations, group: str, courses: FloatArray) -> _Parts:
