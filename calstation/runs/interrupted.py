@@ -39,10 +39,12 @@ class Interrupted:
         finished, serials = len(run.finished), [each.serial for each in self.runs]
         stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
         code = "question.resume" if run.slot is None else "question.units_resume"
-        points = run.completed.points
-        values = {"serial": run.serial, "serials": serials, "count": len(serials), "others": self._reasons}
+        points, others = run.completed.points, self._reasons
         kept = Text.of("question.temperatures_kept", count=points) if points else ""
-        return Text.of(code, number=finished + 1, stage=stage, when=run.started_utc, kept=kept, **values)
+        notes = {"kept": kept, "others": others}
+        both = Text("question.temperatures_kept_and", notes) if kept and others else kept or others
+        values = {"serial": run.serial, "serials": serials, "count": len(serials), "others": both, "kept": kept}
+        return Text.of(code, number=finished + 1, stage=stage, when=run.started_utc, **values)
 
     @property
     def _reasons(self) -> Text | str:
