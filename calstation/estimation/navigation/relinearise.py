@@ -41,8 +41,11 @@ PASSES_AT_POINT = 2
 MAX_FIRST_NIS = 1.25 * 3.0
 #: Usual number of passes of a solution, for the progress report.
 USUAL_PASSES = 2
-#: The iteration ends when the step of a pass, or the next step predicted from the last two, is below this many sigmas.
+#: The iteration ends when the step of a pass is below this many sigmas, or, after a step below `LINEAR_STEP`, the next
+#: step predicted from the last two.
 CONVERGED_STEP = 0.003
+#: Largest step, in sigmas, from which the next one is predicted; a longer one leaves the range of the linearisation.
+LINEAR_STEP = 1.0
 #: Number of equally spaced headings that are compared if the azimuth is ambiguous.
 AZIMUTH_CANDIDATES = 12
 #: Prior sigma of an unknown azimuth while it is being refined, rad.
@@ -201,9 +204,10 @@ class _Relinearisation:
             posterior = run.posterior
             sigma = np.where(posterior.sigma > 0.0, posterior.sigma, 1.0)
             last_step, step = step, float(np.max((np.abs(posterior.mean - point) / sigma)[self.estimated], initial=0.0))
-            # steps shrink at least as fast as the last two did, which bounds the next one
+            # small steps shrink at least as fast as the last two did, which bounds the next one
+            small_next = step < LINEAR_STEP and step * step < CONVERGED_STEP * last_step
             enough_passes = self.passes > (1 if self.estimated.any() else PASSES_AT_POINT)
-            converged = enough_passes and (step < CONVERGED_STEP or step * step < CONVERGED_STEP * last_step)
+            converged = enough_passes and (step < CONVERGED_STEP or small_next)
             if converged:
                 break
             if self.estimated.any():
