@@ -6,7 +6,7 @@ from tests.outside.thermal_cases import HYSTERESIS, ThermalRow, rows, run
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("row", rows(), ids=lambda row: row.title)
+@pytest.mark.parametrize("row", list(rows()), ids=lambda row: row.title)
 def test_a_fault_over_temperature_is_named_first_or_leaves_small_errors(row: ThermalRow) -> None:
     outcome = run(row, 1)
     assert outcome.is_right, (outcome.failed, outcome.cause, outcome.worst, outcome.parameter)
