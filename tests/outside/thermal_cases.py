@@ -29,7 +29,7 @@ from tests.outside.sweep import described
 
 #: Largest time of a soak, s, and distance of the air from its target with which a soak begins, K.
 LONGEST, ARRIVED = 5400.0, 1.0
-#: Sample rate, Hz, below that of the profile, because it determines the time of the simulation. At 50 Hz, samples do not
+#: Sample rate, Hz, below that of the profile, because it determines the time of simulating. At 50 Hz, samples do not
 #: resolve the moves: lever arms are wrong by up to 9 sigma, and navigation units fail with a cubic term of a gyro.
 RATE = 100.0
 #: Largest error over sigma with which a run may pass.
