@@ -60,11 +60,10 @@ def locked(path: Path, timeout: float) -> Iterator[None]:
     try:
         if not acquire_lock(handle, timeout):
             raise TimeoutError(f"{path} is locked by another program")
-        try:
-            yield
-        finally:
-            _unlock(handle)
+        yield
     finally:
+        with suppress(OSError):  # it is not locked
+            _unlock(handle)
         os.close(handle)
 
 
