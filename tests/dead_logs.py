@@ -1,6 +1,7 @@
 """Logs of runs whose process died."""
 
 import os
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 
 from calstation.estimation.common import SampleBlock
 from calstation.records import LogMeta, RawLogWriter
+from calstation.sequencer import Event, to_json
 from procedures import method
 from tests.site_folder import PRODUCT
 
@@ -29,7 +31,9 @@ META: dict[str, Any] = {
 }
 
 
-def write_dead_log(folder: Path, serial: str = "SN-000003", solved: int = 1, **run: Any) -> Path:
+def write_dead_log(
+    folder: Path, serial: str = "SN-000003", solved: int = 1, events: Sequence[Event] = (), **run: Any
+) -> Path:
     """Write the log of a run that was killed one hour ago, after it had solved the first of its two stages.
 
     Parameters
@@ -38,6 +42,8 @@ def write_dead_log(folder: Path, serial: str = "SN-000003", solved: int = 1, **r
         Folder of runs, and serial number of the unit.
     solved
         Number of solved stages.
+    events
+        Events after them.
     run
         Entries of ``[run]``.
     """
@@ -71,6 +77,8 @@ def write_dead_log(folder: Path, serial: str = "SN-000003", solved: int = 1, **r
             at = {"station_time": 5.0, "utc": started.isoformat()}
             event = {"event": "StageSolved", "stage": stage, "parameters": {}, "consistency": {"passed": True}}
             writer.event({**at, **event})
+    for each in events:
+        writer.event({"station_time": 6.0, "utc": started.isoformat(), **to_json(each)})
     writer.flush()
     writer._file.close()
     os.close(writer._sync_handle)

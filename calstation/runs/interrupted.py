@@ -4,14 +4,19 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from calstation.config import load_station
+from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text
-from calstation.records import RunFilter, RunRecord, Verdict
+from calstation.records import RunFilter, RunRecord, Verdict, being_written, open_log
 from calstation.results import History
 from calstation.runs.resume import Resumable, as_resumable, best_record, best_run
 
 #: Maximum number of runs, or of batches, that are offered, the latest ones.
 _MAX_OFFERED = 20
+
+#: Kinds of the steps that change the temperature of the chamber.
+_CHAMBER_STEPS = ("soak", "soak_to_verify", "ramp")
 
 
 @dataclass(frozen=True)
@@ -84,6 +89,38 @@ def find_interrupted(progress: ProgressCallback, folder: Path, station: str | No
     runs, history = find_resumable(progress, folder, station), History(folder)
     batches = [each for batch in _batches(runs) for each in _of_batch(history, batch, station)]
     return [*(Interrupted((run,)) for run in runs if run.slot is None), *batches]
+
+
+def find_chamber_left(progress: ProgressCallback, folder: Path, station: Path | None) -> str:
+    """Job: return the start of the latest run of a station if it left the chamber at an unknown temperature, or "".
+
+    It died after it had begun to change the temperature, or ended without the chamber back at ambient, and it is not
+    closed. The runs of a batch have one chamber.
+    """
+    here = load_station(station)[1]
+    if here.chamber is None:
+        return ""
+    history = History(folder)
+    history.refresh()
+    for latest in history.runs(RunFilter(station=here.name), 1):
+        together = history.runs(RunFilter(batch=latest.batch), None) if latest.batch else [latest]
+        if any(_left_chamber(run) for run in together if not (run.origin or run.closed)):
+            return latest.started_utc
+    return ""
+
+
+def _left_chamber(run: RunRecord) -> bool:
+    """Return whether the log of a run begins to use the chamber, and does not say that it may be opened."""
+    try:
+        log = None if being_written(run.log) else open_log(run.log)
+    except (ConfigurationError, InputError):
+        return False
+    if log is None:
+        return False
+    used = any(each.get("event") == "StepStarted" and each.get("kind") in _CHAMBER_STEPS for each in log.events)
+    messages = [each.get("id") for each in log.events if each.get("event") == "Message"]
+    died = log.outcome is None and "chamber_may_be_opened" not in messages
+    return used and (died or "chamber_unknown" in messages)
 
 
 def interrupted_units(history: History, slots: Mapping[str, str], station: str) -> Interrupted | None:

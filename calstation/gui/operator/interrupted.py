@@ -12,7 +12,17 @@ from calstation.gui.state import AppContext
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
 from calstation.results import Delivery
-from calstation.runs import Interrupted, RunSummary, close_incomplete_job, find_interrupted, recover_at_startup
+from calstation.runs import (
+    Interrupted,
+    RunSummary,
+    close_incomplete_job,
+    find_chamber_left,
+    find_interrupted,
+    recover_at_startup,
+)
+
+#: Setting with the start of the latest run after which the operator has looked at the chamber.
+_LOOKED_AT = "chamber_looked_at"
 
 
 class InterruptedRuns(QObject):
@@ -31,17 +41,45 @@ class InterruptedRuns(QObject):
         self._otherwise: Callable[[], None] = lambda: None
         self._search = app.job(self, find_interrupted, self._search_done, failed=self._search_failed)
         self._closing = app.job(self, close_incomplete_job)
+        self._recovering = False  #: Whether `recover` has been called.
+        #: Start of the run that left the chamber at an unknown temperature; "" for none.
+        self._left = ""
+        self._chamber = app.job(self, find_chamber_left, self._chamber_found, failed=lambda _: self.offer())
         self._recovery = app.job(
             self, recover_at_startup, lambda done: self._show_delivery(done.delivery), failed=self._recovery_failed
         )
         notice.report_failures(self._closing, "common.run_not_closed", header.focus_scan)
         app.resume_run.connect(lambda log: self.offer(log=log))
+        app.run.chamber_acknowledged.connect(self._chamber_looked_at)
+        app.station_changed.connect(self._station_changed)
 
     def recover(self) -> None:
-        """Write the results of aborted runs, deliver pending results, and offer to resume interrupted runs."""
+        """Write the results of aborted runs, deliver pending results, and offer to resume interrupted runs.
+
+        If such a run left the chamber at an unknown temperature, the operator must look at it first.
+        """
+        self._recovering = True
         if self._app.runs_folder.is_dir():
+            self._chamber.start(self._app.runs_folder, self._app.station_path)
             self._recovery.start(self._app.runs_folder, self._app.station_path)
-        self.offer()
+
+    def _station_changed(self) -> None:
+        if self._recovering and self._app.runs_folder.is_dir():  # the chamber is that of the other station
+            self._chamber.start(self._app.runs_folder, self._app.station_path)
+
+    def _chamber_found(self, left: str) -> None:
+        """Say that the temperature of the chamber is unknown, unless the operator has looked at it after this run."""
+        if left and left != self._app.settings.value(_LOOKED_AT, "") and not self._app.engine_link.running:
+            self._left = left
+            self._app.run.leave_chamber()
+        else:
+            self.offer()
+
+    def _chamber_looked_at(self) -> None:
+        if self._left:
+            self._app.settings.setValue(_LOOKED_AT, self._left)
+            self._left = ""
+            self.offer()
 
     def _recovery_failed(self, error: CalstationError) -> None:
         if self.run_summary is not None:  # otherwise the page shows the error in the station or product file

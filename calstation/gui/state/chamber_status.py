@@ -97,6 +97,10 @@ class ChamberStatus:
         if self.access == "closed" or (self.access == "" and self.latest is not None):
             self.access = "unknown"
 
+    def leave(self) -> None:
+        """Process that an earlier run left the chamber at an unknown temperature."""
+        self.access = "unknown"
+
     def acknowledge(self) -> None:
         """Remove the notice that the chamber may be opened, or that its state is not known."""
         if self.access in ("open", "unknown"):

@@ -308,6 +308,11 @@ class RunStatus(QObject):
         self.state = state
         self.changed.emit()
 
+    def leave_chamber(self) -> None:
+        """Require that the operator looks at the chamber, which an earlier run left at an unknown temperature."""
+        self.chamber.leave()
+        self.changed.emit()
+
     def acknowledge_chamber(self) -> None:
         """Remove the notice about the chamber after a run."""
         self.chamber.acknowledge()

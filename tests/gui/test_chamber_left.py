@@ -1,0 +1,76 @@
+"""The window after a power failure in a run over temperature: nobody knows how cold the chamber is."""
+
+import pytest
+from PySide6.QtWidgets import QPushButton
+
+from calstation.runs import find_chamber_left, finish_incomplete
+from calstation.sequencer import Event, Message, StepStarted
+from tests.dead_logs import write_dead_log
+from tests.gui.conftest import Operator
+from tests.helpers import ignore_progress
+
+CHAMBER = {"chamber": {"profile": "virtual_chamber"}}
+SOAK = StepStarted("temperature", 1, "soak", ("soak", -40.0, 1.0, 7.0))
+OPEN = Message("chamber_may_be_opened", {"air_c": 23.0, "unit_c": 22.0})
+UNKNOWN = Message("chamber_unknown", {"ambient_c": 23.0})
+
+
+def die(operator: Operator, *events: Event, solved: int = 1) -> None:
+    """Store the log of a run that was killed at a station with a chamber."""
+    operator.site_folder.write(station=CHAMBER)
+    write_dead_log(operator.window.app.runs_folder, solved=solved, events=events, station="test bench")
+    finish_incomplete(operator.window.app.runs_folder)
+
+
+@pytest.mark.parametrize(
+    ("language", "title", "why", "offer"),
+    [
+        (
+            "en",
+            "Keep the chamber closed: its temperature is not known",
+            "Look at the chamber, then press “I looked at the chamber”.",
+            "SN-000003 was interrupted in stage 2",
+        ),
+        ("zh_CN", "请勿打开温箱：其温度未知", "请先查看温箱，再按“已查看温箱”。", "SN-000003 在第 2 阶段"),
+    ],
+)
+def test_chamber_of_a_run_that_died_must_be_looked_at_before_anything_else(
+    operator: Operator, language: str, title: str, why: str, offer: str
+) -> None:
+    app, page = operator.window.app, operator.window.operator_page
+    die(operator, SOAK)
+    app.set_language(language)
+    page._starting.interrupted.recover()
+    operator.until(lambda: title in operator.says())
+    start = operator.widget("start_button", QPushButton)
+    operator.scan("SN-000042")
+    assert not start.isEnabled()
+    assert start.toolTip() == why
+    assert offer not in operator.says(), "nothing is resumed before"
+    operator.press("operator_page_chamber_notice_close")
+    operator.until(lambda: offer in operator.says())
+    assert start.isEnabled()
+    assert title not in operator.says()
+    operator.press("later_choice")
+    page._starting.interrupted.recover()
+    operator.until(lambda: offer in operator.says())
+    assert title not in operator.says(), "it has been looked at after this run"
+
+
+def test_chamber_is_named_although_nothing_can_be_resumed(operator: Operator) -> None:
+    die(operator, SOAK, solved=0)
+    operator.window.operator_page._starting.interrupted.recover()
+    operator.until(lambda: "its temperature is not known" in operator.says())
+    operator.press("operator_page_chamber_notice_close")
+    operator.until_no_job()
+    assert "interrupted" not in operator.says()
+
+
+@pytest.mark.parametrize(
+    ("events", "left"),
+    [((), False), ((SOAK,), True), ((SOAK, OPEN), False), ((SOAK, UNKNOWN), True)],
+)
+def test_log_says_whether_the_chamber_was_left(operator: Operator, events: tuple[Event, ...], *, left: bool) -> None:
+    die(operator, *events)
+    found = find_chamber_left(ignore_progress, operator.window.app.runs_folder, operator.site_folder.station)
+    assert bool(found) is left
