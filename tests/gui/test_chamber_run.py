@@ -146,6 +146,65 @@ def test_window_names_the_chamber_when_it_closes(thermal: ThermalRun) -> None:
     assert not window.isVisible()
 
 
+@pytest.mark.parametrize(
+    ("language", "titles", "chamber", "unverified"),
+    [
+        (
+            "en",
+            ("A calibration is in progress", "Registers are being written", "The new registers are being verified"),
+            "The chamber, at 30.0 °C, must stay closed",
+            "the new registers then stay unverified",
+        ),
+        (
+            "zh_CN",
+            ("正在标定", "正在写寄存器", "正在验证新寄存器"),
+            "温箱现为 30.0 °C，回到室温之前请勿打开",
+            "新寄存器将未经验证",
+        ),
+    ],
+)
+def test_close_question_in_the_transfer_names_the_chamber_and_what_is_lost(
+    thermal: ThermalRun, language: str, titles: tuple[str, ...], chamber: str, unverified: str
+) -> None:
+    closing, window = thermal.operator.window.operator_page.closing, thermal.operator.window
+    thermal.app.set_language(language)
+    thermal.emit(replace(SOAK, air_c=34.0), Message("registers_reading"))
+    thermal.emit(StepStarted("", 1, "soak_to_verify", ("soak_to_verify", 23.0)), Message("reference"))
+    window.close()
+    for title, message in zip(titles, ("", "registers_transfer", "verifying"), strict=True):
+        thermal.emit(*([Message(message)] if message else []), replace(SOAK, air_c=30.0))
+        thermal.operator.until(lambda title=title: closing.title_label.text() == title)
+        assert chamber in closing.text_label.text()
+        assert (unverified in closing.text_label.text()) is bool(message)
+
+
+@pytest.mark.parametrize(
+    ("language", "returns", "cold", "ends"),
+    [
+        ("en", "The chamber returns to the temperature of the room", "at 18.0 °C", "The calibration is ending"),
+        ("zh_CN", "温箱正在回到室温", "温箱现为 18.0 °C", "标定正在结束"),
+    ],
+)
+def test_close_question_follows_the_chamber_until_it_may_be_opened(
+    thermal: ThermalRun, language: str, returns: str, cold: str, ends: str
+) -> None:
+    closing = thermal.operator.window.operator_page.closing
+    thermal.app.set_language(language)
+    thermal.emit(SOAK)
+    thermal.operator.press("stop_button")
+    thermal.emit(StateChanged("stopping", "running"), Message("chamber_to_ambient", RETURNING))
+    thermal.emit(StateChanged("stopped", "stopping"))
+    thermal.operator.window.close()
+    assert closing.title_label.text() == returns
+    thermal.emit(replace(SOAK, limit=None, rates={}, air_c=18.0, target_c=23.0))
+    assert cold in closing.text_label.text()
+    thermal.emit(Message("chamber_may_be_opened", RETURNING))
+    thermal.operator.until(lambda: closing.title_label.text() == ends)
+    assert "18.0" not in closing.text_label.text()
+    thermal.set_running(running=False)
+    assert not closing.isVisible()
+
+
 def test_run_at_one_temperature_shows_no_chamber(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
     link = operator.window.app.engine_link
     link.request = RunRequest(SERIAL, operator.window.app.station_path, operator.window.app.product_path)

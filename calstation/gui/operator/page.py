@@ -21,6 +21,7 @@ from calstation.gui.operator.questions import (
     ValidationNotice,
     ask,
     close_question,
+    closing_notice,
     has_pair,
     progress_message,
     refusal,
@@ -60,6 +61,7 @@ from calstation.gui.widgets import (
 from calstation.messages import Text
 from calstation.records import Verdict
 from calstation.runs import RunSummary, run_summary
+from calstation.sequencer import ChamberChanged, Event
 
 #: Number of visible rows of the event log.
 _EVENT_ROWS = 6
@@ -180,6 +182,8 @@ class OperatorPage(Page):
         self._starting.slots.changed.connect(self._refresh)
         app.engine_link.running_changed.connect(self._running_changed)
         app.run.changed.connect(self._refresh)
+        app.run.changed.connect(self.closing.refresh)
+        app.engine_link.event.connect(self._refresh_closing)
         app.run.stop_pressed.connect(self._stop_pressed)
         app.run.chamber_acknowledged.connect(self._offer_after_fault)
         app.station_changed.connect(self._change_station)
@@ -385,11 +389,15 @@ class OperatorPage(Page):
         def stop() -> None:
             stop_and_close()
             if self.app.engine_link.running:
-                code = "question.closing" if self.app.run.chamber.latest is None else "question.closing_chamber"
-                ask(self.closing, "stopped", Text(code), {"close_now": close_now})
+                ask(self.closing, "stopped", lambda: closing_notice(self.app.run), {"close_now": close_now})
 
         answers = {"close": stop, "keep_open": self.setFocus}
-        ask(self.closing, "caution", close_question(self.app.run), answers, primary="keep_open")
+        ask(self.closing, "caution", lambda: close_question(self.app.run), answers, primary="keep_open")
+
+    def _refresh_closing(self, event: Event) -> None:
+        """Show the present temperature of the chamber in an open question."""
+        if isinstance(event, ChamberChanged) and self.closing.asking:
+            self.closing.refresh()
 
     # ---- status of the run
 

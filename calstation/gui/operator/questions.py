@@ -8,7 +8,7 @@ from pathlib import Path
 from calstation.config import ManualRigError, Person, RunRequest, load_station, product_error
 from calstation.database import Claim
 from calstation.errors import CalstationError
-from calstation.gui.state import TRANSFER, AppContext, PeoplePanel, RunStatus
+from calstation.gui.state import AppContext, PeoplePanel, RunStatus
 from calstation.gui.text import for_operator, rendered, say, step_sentence, term
 from calstation.gui.widgets import Choice, NoticeBar
 from calstation.messages import Text, event_text
@@ -22,7 +22,7 @@ _KINDS = {"resume": "paused", "attempts": "bad"}
 def ask(
     bar: NoticeBar,
     kind: str,
-    question: Text,
+    question: Text | Callable[[], Text],
     answers: Mapping[str, Callable[[], None]],
     *,
     primary: str = "",
@@ -36,7 +36,7 @@ def ask(
     bar, kind
         The notice bar and its badge shape (`widgets.badge.KINDS`).
     question
-        Title and explanation.
+        Title and explanation, or a function that returns them whenever the bar is refreshed.
     answers
         Actions by terms of the catalogue family ``answer``.
     primary
@@ -46,24 +46,34 @@ def ask(
     engineer
         Whether an engineer reads it; operators read no entries of profiles and files.
     """
+    current = question if callable(question) else lambda: question
     choices = [
-        Choice(f"{name}_choice", Text(f"answer.{name}", question.values), act, name == primary)
+        Choice(f"{name}_choice", Text(f"answer.{name}", current().values), act, name == primary)
         for name, act in answers.items()
     ]
-    title, text = (lambda: rendered(question).text), lambda: rendered(question, engineer=engineer).remedy
+    title, text = (lambda: rendered(current()).text), lambda: rendered(current(), engineer=engineer).remedy
     bar.ask(kind, title, text, [*others, *choices])
 
 
 def close_question(run: RunStatus) -> Text:
     """Return what the window would interrupt by closing, and what is lost: a term of the family ``question``."""
-    latest = run.chamber.latest
     state = {"starting": "preparing", "pausing": "pause", "paused": "pause", "stopping": "end"}.get(run.state)
     state = state or (run.state if run.state == "preparing" else "run" if run.in_progress else "end")
-    if run.register_operation or (run.stage is not None and run.stage.name == TRANSFER):
-        state = "writing"
+    if state in ("preparing", "run") and (run.registers or run.register_operation):
+        state = {"": "operation", "written": "end"}.get(run.registers, run.registers)
+    elif state == "end" and run.chamber.must_stay_closed:
+        state = "return"
     later = "resumed" if run.resumable else "again" if state == "preparing" else "lost"
+    later = "unverified" if run.registers else later
+    latest = None if run.chamber.access == "open" else run.chamber.latest
     chamber = "" if latest is None else Text.of("window.close_chamber", air=latest.air_c)
     return Text.of(f"question.close_during_{state}", later=Text(f"window.close_{later}"), chamber=chamber)
+
+
+def closing_notice(run: RunStatus) -> Text:
+    """Return what is awaited before the window closes: a term of the family ``question``."""
+    returns = run.chamber.latest is not None and run.chamber.access != "open"
+    return Text("question.closing_chamber" if returns else "question.closing")
 
 
 def progress_message(run: RunStatus) -> str:

@@ -50,6 +50,13 @@ _SILENT = "run.engine_silent"
 #: Message about one unit that is displayed for all units.
 _UNIT_LEFT = "unit_left"
 
+#: State of the registers after a message; the other messages do not change it.
+_REGISTERS = {
+    **dict.fromkeys(("registers_transfer", "registers_writing"), "writing"),
+    "verifying": "verifying",
+    **dict.fromkeys(("registers_written", "registers_proved", "registers_read_back"), "written"),
+}
+
 #: Minimum host time after which the pace is estimated, s.
 _MIN_ELAPSED = 2.0
 
@@ -73,6 +80,8 @@ class RunStatus(QObject):
         self.runnable = True
         #: Symbol and text of the state of the IMUs that are monitored live, outside a run; None without monitoring.
         self.monitoring: tuple[str, Text] | None = None
+        #: ``writing`` while registers are written, ``verifying`` until they are verified, then ``written``; "" before.
+        self.registers = ""
         #: Whether the sequencer may have moved the table; False while devices are opened and identified.
         self.commanded = False
         #: Serial numbers and state of the run in the first window of the station; None in that window.
@@ -351,7 +360,7 @@ class RunStatus(QObject):
             self.fault = self.latest = None
             self.stop_incomplete, self.resumable = False, request.resume is not None
             self.chamber = ChamberStatus()
-            self.stage_ending = ""
+            self.registers = self.stage_ending = ""
             self._started_at = self._done_before = 0.0
             try:
                 self.run_summary = run_summary(request)
@@ -403,6 +412,8 @@ class RunStatus(QObject):
             for unit in self.units:
                 if unit.slot == event.slot if event.slot else unit.verdict is None:
                     unit.handle_event(event)
+        if isinstance(event, StageStarted | Message):
+            self.registers = _REGISTERS.get(event.id, self.registers) if isinstance(event, Message) else ""
         match event:
             case StepStarted():
                 after_move = event.kind == "dwell" and self.latest is not None and self.latest[0] == "step"
