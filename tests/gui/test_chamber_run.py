@@ -130,7 +130,8 @@ def test_window_names_the_chamber_when_it_closes(thermal: ThermalRun) -> None:
     thermal.app.set_language("en")
     operator.press("close_choice")
     thermal.emit(StateChanged("stopping", "running"), Message("chamber_to_ambient", RETURNING))
-    assert "Keep the chamber closed until this window has closed" in operator.says()
+    assert "This window closes by itself once the chamber is back at the temperature of the room" in operator.says()
+    assert operator.widget("close_now_choice", QPushButton).text() == "Close without waiting"
     thermal.emit(replace(SOAK, limit=None, rates={}, air_c=30.0, units={"": 24.0}, target_c=23.0))
     operator.until(
         lambda: "Wait until the air is at the temperature of the room (23 °C, now 30.0 °C)" in operator.says()
