@@ -1,15 +1,24 @@
 """Summary of a run before its start."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
 from calstation.config import RunConfiguration, RunRequest, SignInSection, check_station, library, load_configuration
 from calstation.messages import Text
-from calstation.physics import GROUPS, NAMES, ManualMove, Orientation, TableGeometry, group_indices, orientation_matrix
+from calstation.physics import (
+    GROUPS,
+    NAMES,
+    ManualMove,
+    Orientation,
+    Soak,
+    TableGeometry,
+    group_indices,
+    orientation_matrix,
+)
 from calstation.quality import due_certificates
-from calstation.sequencer import DURATION, stage_times, table_task
+from calstation.sequencer import DURATION, StagePlan, stage_times, step_time, table_task
 
 
 @dataclass(frozen=True)
@@ -91,7 +100,7 @@ def run_summary(request: RunRequest) -> RunSummary:
             StageSummary(plan.name, seconds)
             for plan, seconds in zip(plans, stage_times(plans, setup.table.settle_s), strict=True)
         ),
-        transfer=DURATION if setup.register_map.parameters else None,
+        transfer=_transfer_time(plans) if setup.register_map.parameters else None,
         targets=_targets(setup),
         load_angle=(load.outer_deg, load.inner_deg),
         operator_ends_stages=setup.product.operator_ends_stages,
@@ -110,6 +119,12 @@ def run_summary(request: RunRequest) -> RunSummary:
         check_standards=tuple(standard.serial for standard in setup.product.check_standards),
         omitted=tuple(stage for stage in setup.product.stages if stage not in setup.stages),
     )
+
+
+def _transfer_time(plans: Sequence[StagePlan]) -> float:
+    """Return the approximate duration of writing and verifying the registers, s, with the soak before it."""
+    soaks = [step for plan in plans if plan.name == "temperature" for step in plan.steps() if isinstance(step, Soak)]
+    return DURATION + (step_time(soaks[-1], (0.0, 0.0)) if soaks else 0.0)
 
 
 def _up(geometry: TableGeometry, step: ManualMove) -> tuple[float, float, float]:

@@ -13,10 +13,12 @@ from calstation.gui.operator.live import TemperaturePanel
 from calstation.gui.operator.loading import Loading
 from calstation.gui.state import ChamberNotice, RunStrip, run_badge
 from calstation.gui.state.engine_link import EngineLink
+from calstation.gui.state.unit_status import TRANSFER
 from calstation.messages import Text
 from calstation.records import Verdict
 from calstation.runs import run_summary
 from calstation.sequencer import (
+    DURATION,
     ChamberChanged,
     Event,
     Fault,
@@ -103,6 +105,22 @@ def test_time_left_is_that_of_the_soak_at_the_pace_of_the_station(
     thermal.emit(SOAK)
     thermal.panel.refresh()
     assert thermal.panel.values[4].text() == "1:15"
+
+
+def test_time_left_of_the_transfer_contains_its_soak(thermal: ThermalRun) -> None:
+    run = thermal.app.run
+    row = next(stage for stage in run.stages if stage.name == TRANSFER)
+    assert row.duration > 300.0, "the plan contains the soak"
+    thermal.emit(StageProgress("temperature", 1.0, 0.0), Message("registers_reading"))
+    thermal.emit(StepStarted("", 1, "soak_to_verify", ("soak_to_verify", 23.0)))
+    thermal.emit(replace(SOAK, time=1000.0, remaining=300.0), replace(SOAK, time=1100.0, remaining=200.0))
+    assert run.stage_remaining(row) == pytest.approx(200.0 + DURATION)
+    assert row.fraction == pytest.approx(100.0 / 345.0)
+    thermal.emit(Message("soaked", {"temperature": 23.0, "minutes": 2.0}), Message("verifying"))
+    assert run.stage_remaining(row) == pytest.approx(DURATION)
+    for step in range(18):
+        thermal.emit(StepStarted("", step, "move", ("verify", 1.0)))
+    assert run.stage_remaining(row) == pytest.approx(0.0)
 
 
 def test_progress_follows_the_duration_that_is_expected_now(thermal: ThermalRun) -> None:

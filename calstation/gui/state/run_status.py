@@ -14,6 +14,7 @@ from calstation.messages import Text
 from calstation.records import Verdict, can_be_resumed
 from calstation.runs import RunSummary, run_summary
 from calstation.sequencer import (
+    DURATION,
     ChamberChanged,
     Command,
     Event,
@@ -98,6 +99,8 @@ class RunStatus(QObject):
         self.stop_incomplete = False
         #: State of the chamber of a run over temperature.
         self.chamber = ChamberStatus()
+        #: Station time since which the chamber goes to the temperature at which registers are verified, s, or None.
+        self._soaks_from: float | None = None
         #: Name of the stage that the operator has ended early; kept until the next run.
         self.stage_ending = ""
         #: Fault of the last run until `acknowledge` is called.
@@ -361,6 +364,7 @@ class RunStatus(QObject):
             self.stop_incomplete, self.resumable = False, request.resume is not None
             self.chamber = ChamberStatus()
             self.registers = self.stage_ending = ""
+            self._soaks_from = None
             self._started_at = self._done_before = 0.0
             try:
                 self.run_summary = run_summary(request)
@@ -385,7 +389,7 @@ class RunStatus(QObject):
         units = tuple(UnitStatus(serial, slot, own.get(slot, ""), stage_rows(summary)) for serial, slot in occupied)
         if self.register_operation:
             for unit in units:
-                unit.stages = [row for row in unit.stages if row.name == TRANSFER]
+                unit.stages = [StageState(TRANSFER, DURATION) for row in unit.stages if row.name == TRANSFER]
         return units
 
     def _handle_event(self, event: Event) -> None:
@@ -400,8 +404,10 @@ class RunStatus(QObject):
             self.resumable = True
         if isinstance(event, Message) and event.id == "safe_stop_incomplete" and event.values.get("table"):
             self.stop_incomplete = True
-        if isinstance(event, ChamberChanged) and self.chamber.must_stay_closed:
-            self._changed_timer.start()
+        if isinstance(event, ChamberChanged):
+            self._show_soak_to_verify(event)
+            if self.chamber.must_stay_closed:
+                self._changed_timer.start()
         if not isinstance(event, _STATUS_EVENTS):
             return
         if isinstance(event, StageStarted) and not self._started_at:
@@ -428,6 +434,16 @@ class RunStatus(QObject):
                 self.fault, self.state = event, "fault"
             case Finalized() if self.finalized and self.fault is None and self.state != "idle":
                 self.state = self._verdict
+        self._changed_timer.start()
+
+    def _show_soak_to_verify(self, event: ChamberChanged) -> None:
+        """Show the progress of the soak before the verification of registers, which is in no stage."""
+        if self.latest is None or self.latest[:2] != ("step", "soak_to_verify"):
+            self._soaks_from = None
+            return
+        self._soaks_from = event.time if self._soaks_from is None else self._soaks_from
+        for unit in self.units:
+            unit.soak_to_verify(event.time - self._soaks_from, event.remaining)
         self._changed_timer.start()
 
     def _change_state(self, state: str) -> bool:

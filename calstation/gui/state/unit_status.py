@@ -9,6 +9,7 @@ from calstation.physics import GROUPS, INDEX, PARAMETERS
 from calstation.records import Verdict
 from calstation.results import Result
 from calstation.sequencer import (
+    DURATION,
     Event,
     Fault,
     Finalized,
@@ -52,8 +53,8 @@ _TRANSFER_ENDS = ("registers_written", "registers_proved", "registers_read_back"
 _LEAST_LEFT = 1e-6
 #: Tolerance for the durations of stages, s.
 _TOLERANCE = 0.1
-#: Fraction of the transfer per move of the verification, which has 17 moves or, with repetitions, more.
-_VERIFICATION_STEP = 1.0 / 18.0
+#: Time per move of the verification, which has 17 moves or, with repetitions, more, s.
+_VERIFICATION_STEP = DURATION / 18.0
 
 
 @dataclass
@@ -180,8 +181,8 @@ class UnitStatus:
             case StepStarted():
                 row = self._row(TRANSFER)
                 if event.label[:1] == ("verify",) and row.state == "active":
-                    row.fraction = min(1.0, row.fraction + _VERIFICATION_STEP)
-                    row.remaining = row.duration * (1.0 - row.fraction)
+                    left = max(row.remaining - _VERIFICATION_STEP, 0.0)
+                    row.progress(1.0 - left / row.duration, left)
             case StageEnded():
                 self._row(event.stage).state = "stopped" if event.reason == "failing" else "solving"
             case StageSolved():
@@ -206,6 +207,12 @@ class UnitStatus:
                         if row.state == "good" and row.name in self.result.failed_stages:
                             row.state = "outside"
 
+    def soak_to_verify(self, elapsed: float, remaining: float) -> None:
+        """Adopt the times of the soak at which the transfer begins, s."""
+        row, left = self._row(TRANSFER), remaining + DURATION
+        if row.state == "active":
+            row.progress(elapsed / (elapsed + left), left)
+
     def _handle_message(self, message: str, values: Mapping[str, Any]) -> None:
         if message in _REMARKS:
             self.remarks.append((message, values))
@@ -220,6 +227,8 @@ class UnitStatus:
             self._row(str(values.get("stage"))).state = "bad"
         elif message in starts and row.state != "active":
             row.start()
+        elif message == "soaked":
+            self.soak_to_verify(row.fraction * row.duration, 0.0)
         elif message in _TRANSFER_ENDS:
             row.solve("good")
         elif message == "registers_kept":
