@@ -123,6 +123,18 @@ def test_time_left_of_the_transfer_contains_its_soak(thermal: ThermalRun) -> Non
     assert run.stage_remaining(row) == pytest.approx(0.0)
 
 
+@pytest.mark.parametrize(("language", "name"), [("en", "Time left here"), ("zh_CN", "本步剩余时间")])
+def test_return_of_the_chamber_shows_its_time_left(
+    thermal: ThermalRun, monkeypatch: pytest.MonkeyPatch, language: str, name: str
+) -> None:
+    monkeypatch.setattr(type(thermal.app.run), "pace", 1.0)
+    thermal.app.set_language(language)
+    thermal.emit(SOAK, Message("chamber_to_ambient", RETURNING))
+    thermal.emit(replace(SOAK, limit=None, rates={}, target_c=23.0, remaining=600.0))
+    thermal.panel.refresh()
+    assert (thermal.panel._names[4].text(), thermal.panel.values[4].text()) == (name, "10:00")
+
+
 def test_progress_follows_the_duration_that_is_expected_now(thermal: ThermalRun) -> None:
     run = thermal.app.run
     stage = next(stage for stage in run.stages if stage.name == "temperature")

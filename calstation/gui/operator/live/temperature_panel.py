@@ -140,7 +140,7 @@ class TemperaturePanel(QFrame):
                 names[-1] = say("operator.chamber_rate_of", unit=_unit_text(slowest[0]))
         pace = self._run.pace
         names.append(say("operator.chamber_left"))
-        waiting = pace is not None and not self._run.chamber.access and latest.remaining > 0.0
+        waiting = pace is not None and self._run.chamber.access in ("", "closed") and latest.remaining > 0.0
         values.append(duration_text(latest.remaining / pace) if waiting and pace is not None else "–")
         for widgets, texts in ((self._names, names), (self.values, values)):
             for widget, text in zip(widgets, texts, strict=True):
