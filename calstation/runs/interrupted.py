@@ -49,7 +49,9 @@ class Interrupted:
         notes = {"kept": kept, "others": others}
         both = Text("question.temperatures_kept_and", notes) if kept and others else kept or others
         values = {"serial": run.serial, "serials": serials, "count": len(serials), "others": both, "kept": kept}
-        return Text.of(code, number=finished + 1, stage=stage, when=run.started_utc, **values)
+        at = "question.at_temperature" if points else "question.at_stage"
+        begin = Text.of(at, number=points + 1 if points else finished + 1)
+        return Text.of(code, number=finished + 1, stage=stage, when=run.started_utc, begin=begin, **values)
 
     @property
     def _reasons(self) -> Text | str:

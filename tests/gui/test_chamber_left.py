@@ -3,10 +3,12 @@
 import pytest
 from PySide6.QtWidgets import QPushButton
 
+from calstation.gui.operator.advice import next_action
+from calstation.results import Result
 from calstation.runs import find_chamber_left, finish_incomplete
-from calstation.sequencer import Event, Message, StepStarted
+from calstation.sequencer import Event, Message, PointCompleted, StepStarted
 from tests.dead_logs import write_dead_log
-from tests.gui.conftest import Operator
+from tests.gui.conftest import RESULT, Operator
 from tests.helpers import ignore_progress
 
 CHAMBER = {"chamber": {"profile": "virtual_chamber"}}
@@ -74,3 +76,23 @@ def test_log_says_whether_the_chamber_was_left(operator: Operator, events: tuple
     die(operator, *events)
     found = find_chamber_left(ignore_progress, operator.window.app.runs_folder, operator.site_folder.station)
     assert bool(found) is left
+
+
+@pytest.mark.parametrize(
+    ("language", "resume", "stages", "temperatures"),
+    [
+        ("en", "Resume at temperature 3", "The completed stages are kept", "The completed temperatures are kept"),
+        ("zh_CN", "从第 3 个温度点继续", "已完成的阶段保留", "已完成的温度点保留"),
+    ],
+)
+def test_temperatures_are_named_where_no_stage_was_completed(
+    operator: Operator, language: str, resume: str, stages: str, temperatures: str
+) -> None:
+    operator.window.app.set_language(language)
+    die(operator, *(PointCompleted("rate", index, -40.0, 5 * index) for index in (1, 2)), solved=0)
+    operator.window.operator_page._starting.interrupted.recover()
+    operator.until(lambda: operator.window.operator_page.notice.asking)
+    assert operator.widget("resume_choice", QPushButton).text() == resume
+    for finished, kept in (([], temperatures), (["rate"], stages)):
+        content = {**RESULT, "outcome": "stopped", "advice": "resume", "stages": [], "finished_stages": finished}
+        assert next_action("stopped", Result.from_json(content)).startswith(kept)

@@ -127,7 +127,9 @@ def _action(outcome: str, result: Result | None) -> str:
         return advised
     if outcome == "failed":
         return "repeat"
-    return "resume" if advised == "resume" else "begin_again"
+    if result is None or advised != "resume":
+        return "begin_again"
+    return "resume" if result.solved_stages else "resume_temperatures"  # those of its first stage
 
 
 def figures(result: Result) -> list[Figure]:
