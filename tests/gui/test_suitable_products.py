@@ -9,8 +9,10 @@ from PySide6.QtWidgets import QComboBox, QPushButton
 
 from calstation.config import RunRequest, library
 from calstation.gui.logs.methods import pair_live
+from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
-from tests.gui.conftest import Operator
+from tests.gui.conftest import SERIAL, Operator
+from tests.gui.test_engineer_page import Engineer
 
 
 def entry(operator: Operator, product: str) -> tuple[str, bool, str]:
@@ -117,3 +119,31 @@ def test_stop_and_esc_end_the_live_monitoring(operator: Operator, monkeypatch: p
     operator.press("stop_button")
     assert "Nothing is running" not in operator.message
     operator.until(lambda: operator.run.monitoring is None)
+
+
+def refuse_start(engineer: Engineer) -> NoticeBar:
+    """Show why the station and the product cannot run, as START does if their files have changed."""
+    request = RunRequest(SERIAL, engineer.window.app.station_path, library.find("products", "mems_c_thermal"))
+    engineer.page._start_dialog.begin(request)
+    return engineer.page.notice
+
+
+@pytest.mark.parametrize(("code", "words"), [("en", "the station has none"), ("zh_CN", "温箱")])
+def test_refused_start_is_forgotten_with_its_station_or_product(operator: Operator, code: str, words: str) -> None:
+    engineer = Engineer(operator.window, operator.qtbot, operator.site_folder).open_page()
+    app = engineer.window.app
+    app.set_language(code)
+    changes = (
+        lambda: app.set_product(library.find("products", "mems_c")),
+        lambda: app.set_station(library.find("stations", "virtual_bench")),
+        app.product_changed.emit,
+        lambda: engineer.press("read_registers_button"),
+    )
+    for change in changes:
+        notice = refuse_start(engineer)
+        assert notice.isVisible()
+        assert words in notice.text_label.text()
+        engineer.show_view(5)
+        change()
+        assert not notice.isVisible()
+        engineer.until_no_job()

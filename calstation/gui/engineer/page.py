@@ -121,6 +121,7 @@ class EngineerPage(Page):
         self.analysis.loaded.connect(self._loaded)
         self.analysis.failed.connect(lambda error: self.notice.ask("bad", "engineer.file_not_opened", error.as_text))
         self._saving.busy_changed.connect(self._update)
+        self.registers.watch.busy_changed.connect(self._start_dialog.drop)
         self.notice.report_failures(self.analysis.adding, "engineer.log_not_solved", self.analysis.result.setFocus)
         self.registers.changed.connect(self._update)
         self._tabs.currentChanged.connect(self._views.setCurrentIndex)
@@ -144,7 +145,7 @@ class EngineerPage(Page):
     def _read_options(self) -> None:
         """Read the station and the product again; an error disables the controls and is shown in their tooltips."""
         app = self.app
-        self._start_dialog.drop()  # an open question refers to the previous station and product
+        self._start_dialog.drop()  # the notice refers to the previous station and product
         self._options = self._problem = None
         try:
             self._options = schedule_options(app.station_path, app.product_path)
@@ -258,11 +259,11 @@ class EngineerPage(Page):
         path, version = saved
         name = self._options.name if self._options is not None else path.stem
         title = partial(say, "engineer.saved", number=version.number)
-        self.notice.ask("good", lambda: title(product=product_text(name)), lambda: str(path))
         if path == self.app.product_path:
             self.app.product_changed.emit()
         else:
             self.app.set_product(path)
+        self.notice.ask("good", lambda: title(product=product_text(name)), lambda: str(path))
 
     def _save_failed(self, error: CalstationError) -> None:
         self.notice.ask("bad", "engineer.product_not_saved", error.as_text)

@@ -256,7 +256,7 @@ class OperatorPage(Page):
     def _plan(self) -> None:
         """Read the station and the product again; if they are unusable, show the reason and disable START."""
         app = self.app
-        self._starting.dialog.drop()  # an open question refers to the previous station and product
+        self._starting.dialog.drop()  # the notice refers to the previous station and product
         if app.product_path is not None:
             app.settings.setValue("product", app.product_path.stem)
         summary, choices = self._summarise()

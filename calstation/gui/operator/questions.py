@@ -144,10 +144,9 @@ class StartDialog:
         self._attempt(lambda: self._continue(RunStart(request, role)), resume=request.resume is not None)
 
     def drop(self) -> None:
-        """Remove an open question or panel without starting a run."""
+        """Remove a question, a notice or an open panel without starting a run."""
         self.people.hide()
-        if self._notice.asking:
-            self._notice.dismiss()
+        self._notice.dismiss()
 
     def _attempt(self, action: Callable[[], None], *, resume: bool = False) -> None:
         try:
