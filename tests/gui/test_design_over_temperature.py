@@ -48,6 +48,12 @@ def test_design_over_temperature_is_shown_and_saved(
     assert "占用温箱" in designer.widget("temperature_design_headline", QLabel).text()
 
     designer.unlock()
+    constant = designer.widget("design_time_constant_spin", QDoubleSpinBox)
+    constant.setValue(280.0)
+    assert "已过时" in designer.says()
+    assert "重新设计" in designer.why_not("save_temperature_design_as_button")
+    constant.setValue(270.0)
+    assert "已过时" not in designer.says()
     designer.press("save_temperature_design_as_button")
     designer.widget("design_name_edit", QLineEdit).setText("thermal_designed")
     designer.press("save_design_button")

@@ -25,7 +25,7 @@ from calstation.gui.engineer.designer import DesignView
 from calstation.gui.engineer.designer.form import DesignForm
 from calstation.gui.engineer.designer.plots import FrontPlot, Sphere
 from calstation.gui.engineer.designer.result import DesignResult
-from calstation.gui.text import language
+from calstation.gui.text import language, say
 from calstation.gui.widgets import PageArea
 from tests.gui import design_jobs
 from tests.gui.conftest import SiteFolder
@@ -83,11 +83,11 @@ def test_design_is_shown_with_path_parameters_and_robustness(designer: Designer)
     designer.design()
     assert "The shortest schedule for short" not in designer.says()
     assert designer.headline == (
-        "0:33 planned, 0:48 at most. The current stages take 5:30, 10 times as long.\n"
+        "short on test bench: 0:33 planned, 0:48 at most. The current stages take 5:30, 10 times as long.\n"
         "Limited by accel bias y: σ is 0.78 of its limit. Effects that shift gyro bias z by up to 10.1 σ remain hidden."
     )
     assert "limits reached" in designer.says()
-    assert "short on test bench: 4 moves and 2 in reserve at 60 °/s and 60 °/s²" in designer.says()
+    assert "4 moves and 2 in reserve at 60 °/s and 60 °/s²" in designer.says()
     (front,) = designer.page.findChildren(FrontPlot)
     x, y = front.getPlotItem().listDataItems()[0].getOriginalDataset()
     np.testing.assert_allclose(x, [10.0, 20.0, 30.0, 33.0])
@@ -205,7 +205,7 @@ def test_search_is_stopped_with_its_best_design_or_cancelled(
     designer.press("stop_design_button")
     assert not designer.widget("stop_design_button", QPushButton).isEnabled()
     designer.until(lambda: not designer.view.watch.busy)
-    assert designer.headline.startswith("0:33 planned")
+    assert designer.headline.startswith("short on test bench: 0:33 planned")
     assert not stop.parent.exists()
     designer.until(lambda: not designer.view.path_job.busy)
 
@@ -214,7 +214,7 @@ def test_search_is_stopped_with_its_best_design_or_cancelled(
     designer.press("cancel_design_button")
     assert not designer.view.watch.busy
     assert designer.widget("design_button", QPushButton).isEnabled()
-    assert designer.headline.startswith("0:33 planned"), "the last answer stays"
+    assert designer.headline.startswith("short on test bench: 0:33 planned"), "the last answer stays"
 
 
 def test_cancelled_search_for_another_product_keeps_the_previous_design(
@@ -227,10 +227,80 @@ def test_cancelled_search_for_another_product_keeps_the_previous_design(
     # a busy computer may end the search before a progress report is shown
     designer.until(lambda: "Best so far" in designer.says() or designer.view._result is not None)
     designer.press("cancel_design_button")
-    assert "short on test bench" in designer.widget("design_about", QLabel).text()
+    assert designer.headline.startswith("short on test bench")
     designer.unlock()
+    assert "design again" in designer.why_not("save_as_button")
+    designer.choose("short")
     designer.press("save_as_button")
     assert designer.widget("design_name_edit", QLineEdit).text() == "short_fast"
+
+
+@pytest.mark.parametrize(("code", "outdated"), [("en", "out of date"), ("zh_CN", "已过时")])
+def test_design_is_out_of_date_after_a_change_of_its_conditions(
+    designer: Designer, site_folder: SiteFolder, code: str, outdated: str
+) -> None:
+    designer.window.app.set_language(code)
+    designer.unlock()
+    designer.design()
+    why, reached = say("engineer.design_outdated"), say("engineer.design_reached")
+    product, station = designer.window.app.product_path, designer.window.app.station_path
+    other = site_folder.folder / "other_station.toml"
+    other.write_text(station.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+
+    def check(*, current: bool) -> None:
+        save = designer.widget("save_as_button", QPushButton)
+        assert (outdated in designer.says(), reached in designer.says(), save.isEnabled()) == (
+            not current,
+            current,
+            current,
+        )
+        assert current or (why in designer.says() and save.toolTip() == why)
+
+    check(current=True)
+    for name, value in (("design_margin_spin", "0.05"), ("design_rate_spin", "10")):
+        spin = designer.widget(name, QDoubleSpinBox)
+        before = spin.value()
+        spin.setFocus()
+        spin.selectAll()
+        designer.qtbot.keyClicks(spin, value)
+        designer.qtbot.keyClick(spin, Qt.Key.Key_Tab)
+        check(current=False)
+        spin.setValue(before)
+        check(current=True)
+    combo = designer.widget("design_goal_combo", QComboBox)
+    combo.setFocus()
+    designer.qtbot.keyClick(combo, Qt.Key.Key_Down)
+    check(current=False)
+    designer.qtbot.keyClick(combo, Qt.Key.Key_Up)
+    designer.press("save_as_button")
+    designer.choose("mems_c")
+    check(current=False)
+    assert designer.headline.startswith("short")
+    assert designer.why_not("save_design_button") == why
+    designer.choose("short")
+    check(current=True)
+    designer.window.app.set_station(other)
+    check(current=False)
+    designer.window.app.set_station(station)
+    designer.choose("short")
+    check(current=True)
+    product.write_text(product.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    designer.window.app.product_changed.emit()
+    check(current=False)
+    designer.design()
+    check(current=True)
+
+
+def test_design_is_out_of_date_if_its_conditions_changed_during_the_search(
+    designer: Designer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    use(monkeypatch, "searching")
+    designer.press("design_button")
+    designer.widget("design_margin_spin", QDoubleSpinBox).setValue(0.5)
+    designer.press("stop_design_button")
+    designer.until(lambda: not (designer.view.watch.busy or designer.view.path_job.busy))
+    assert "out of date" in designer.says()
+    assert not designer.widget("save_as_button", QPushButton).isEnabled()
 
 
 def test_time_left_is_shown_from_the_start_if_the_search_has_a_limit(
@@ -308,12 +378,14 @@ def test_design_is_saved_as_a_product_and_selected(designer: Designer) -> None:
     language.use("en")
     assert "Goal for short, designed" in designer.says()
     assert "Product: short, designed" in designer.says()
+    designer.choose("short")
     designer.press("save_as_button")
     assert name.text() == "short_fast-2"
     designer.type("design_name_edit", "short_fast")
     assert "The product short_fast exists" in designer.says()
     designer.press("cancel_save_design_button")
     assert not name.isVisible()
+    designer.choose("short_fast")
     designer.design()
     designer.press("save_as_button")
     assert name.text() == "short_fast-2", "a design of a designed product does not repeat the ending"

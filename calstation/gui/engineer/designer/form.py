@@ -1,4 +1,4 @@
-"""Form for the goal and limits of a search for a schedule, and the export of its design to a product or a file."""
+"""Form for the goal and limits of a search for a schedule, the head of its result, and its export to a file."""
 
 import json
 from collections.abc import Callable
@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFrame, QWidget
 
 from calstation.config import ScheduleOptions, editing, library
@@ -15,6 +16,7 @@ from calstation.gui.widgets import (
     FormValues,
     NameBar,
     SpinEdit,
+    StateBadge,
     ask_file,
     box,
     button,
@@ -45,6 +47,9 @@ _GOALS = {
 
 class DesignForm(QFrame):
     """Inputs for the goal, margin or duration, search time, speeds and seed; the button calls `begin`."""
+
+    #: Emitted when `conditions` may have changed.
+    changed = Signal()
 
     def __init__(self, begin: Callable[[], None]) -> None:
         super().__init__()
@@ -98,6 +103,7 @@ class DesignForm(QFrame):
             on=self,
             margins=(2 * theme.GRID, theme.GRID // 2, theme.GRID, theme.GRID),
         )
+        source.changed.connect(self.changed)
         self._show_goal()
 
     @property
@@ -116,6 +122,14 @@ class DesignForm(QFrame):
         self._search.setVisible(not options.over_temperature)
         self._speeds["rate"].spin.setMaximum(options.rate)
         self._speeds["acceleration"].spin.setMaximum(options.acceleration)
+
+    @property
+    def conditions(self) -> tuple[object, ...]:
+        """The goal and the values that a design must fulfil, without those that only control the search."""
+        values = self._source.values
+        bound = {SHORTEST: ("margin",), GIVEN_TIME: ("minutes",)}.get(self.goal, ())
+        names = (*bound, "rate", "acceleration", "time_constant", "self_heating")
+        return self.goal, *(values[name] for name in names)
 
     @property
     def unit(self) -> tuple[float, float]:
@@ -151,6 +165,7 @@ class DesignForm(QFrame):
     def _show_goal(self) -> None:
         for field, goal in ((self._margin, SHORTEST), (self._minutes, GIVEN_TIME)):
             field.setVisible(self.goal == goal)
+        self.changed.emit()
 
 
 class _SpinField(FormField):
@@ -215,6 +230,32 @@ class SaveBar(NameBar):
         """Save the design."""
         self.hide()
         self._save(name)
+
+
+class ResultHead(QWidget):
+    """The state of a design and its headline, which names its product and station; a design may be out of date."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self._state, self._outdated = ("none", ""), ""
+        self._badge = StateBadge()
+        self._headline = label(kind="section", name=name, wrap=True)
+        self._note = label(kind="caution", wrap=True)
+        column(row(self._badge, (self._headline, 1), spacing=2 * theme.GRID), self._note, on=self, spacing=0)
+
+    def show_design(self, state: tuple[str, str], options: ScheduleOptions, text: str) -> None:
+        """Show the state of a design for `options`, as shape and text of its badge, and its headline."""
+        name = say("engineer.design_of", product=product_text(options.name), station=options.station)
+        first, *more = text.split("\n")
+        self._state = state
+        self._headline.setText("\n".join([say("common.named", name=name, text=first), *more]))
+        self.set_outdated(self._outdated)
+
+    def set_outdated(self, why: str) -> None:
+        """Show that the design is out of date for the given reason; "" shows its state."""
+        self._outdated = why
+        self._badge.show_state(*(("waiting", say("engineer.preview_outdated")) if why else self._state))
+        show_text(self._note, why)
 
 
 def export_design(parent: QWidget, design: "Design | TemperatureDesign", options: ScheduleOptions) -> None:

@@ -10,9 +10,9 @@ from PySide6.QtWidgets import QStyledItemDelegate, QStyleOptionViewItem, QWidget
 
 from calstation.config import ScheduleOptions
 from calstation.designer import STAGE, Design
-from calstation.gui.engineer.designer.form import export_design
+from calstation.gui.engineer.designer.form import ResultHead, export_design
 from calstation.gui.engineer.designer.plots import DesignPath, FrontPlot, PathPlot, SphereView
-from calstation.gui.text import duration_text, on_language_change, parameter_text, product_text, say, term
+from calstation.gui.text import duration_text, on_language_change, parameter_text, say, term
 from calstation.gui.widgets import (
     ROW,
     Cell,
@@ -20,7 +20,6 @@ from calstation.gui.widgets import (
     EmptyState,
     JobRow,
     JobWatch,
-    StateBadge,
     ViewTabs,
     box,
     button,
@@ -84,8 +83,7 @@ class DesignResult(QWidget):
     def __init__(self, path_job: JobWatch, save: Callable[[], None]) -> None:
         super().__init__()
         self._design: tuple[Design, ScheduleOptions] | None = None
-        self._badge = StateBadge()
-        self._headline = label(kind="section", name="design_headline", wrap=True)
+        self._head = ResultHead("design_headline")
         self._summary = label(kind="muted", name="design_about", wrap=True)
         self._front, self._path, self._sphere = FrontPlot(), PathPlot(), SphereView()
         self._parameters = CellTable("design_parameters", "common.parameters", _PARAMETER_COLUMNS)
@@ -113,7 +111,7 @@ class DesignResult(QWidget):
         #: The widgets in Tab order.
         self.tab_order = (self._tabs, *buttons, self._sphere.slider, *tables)
         column(
-            row(self._badge, (self._headline, 1), spacing=2 * theme.GRID),
+            self._head,
             self._summary,
             row(self._tabs, None, *buttons),
             (self._views, 1),
@@ -138,8 +136,9 @@ class DesignResult(QWidget):
         self._sphere.sphere.show_path(path)
         self._drawn.setCurrentIndex(1)
 
-    def lock(self, reason: str) -> None:
-        """Disable saving for the given reason; "" enables it."""
+    def lock(self, reason: str, outdated: str) -> None:
+        """Disable saving for the given reason, and show why the design is out of date; "" for neither."""
+        self._head.set_outdated(outdated)
         enable(self._save_button, reason, say("engineer.save_as_product_tip"))
 
     def _copy(self) -> None:
@@ -154,9 +153,8 @@ class DesignResult(QWidget):
         if self._design is None:
             return
         design, options = self._design
-        self._badge.show_state(*_verdict(design))
-        self._headline.setText(_headline(design))
-        self._summary.setText(_summary(design, options))
+        self._head.show_design(_verdict(design), options, _headline(design))
+        self._summary.setText(_summary(design))
         self._notes.setText("\n".join(_notes(design)))
         self._parameters.show_cells(_parameter_cells(design), ("sigma", "limit", "ratio"))
         self._variations.show_cells(_variation_cells(design))
@@ -196,12 +194,10 @@ def _headline(design: Design) -> str:
     return f"{first}\n{limiting}"
 
 
-def _summary(design: Design, options: ScheduleOptions) -> str:
+def _summary(design: Design) -> str:
     """Return the conditions and the size of the search."""
     return say(
         "engineer.design_made",
-        product=product_text(options.name),
-        station=options.station,
         planned=design.planned,
         reserve=len(design.moves) - design.planned,
         rate=design.rate_dps,

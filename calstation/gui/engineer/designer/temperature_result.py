@@ -6,12 +6,11 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.config import ScheduleOptions
 from calstation.designer import TemperatureDesign
-from calstation.gui.engineer.designer.form import export_design
+from calstation.gui.engineer.designer.form import ResultHead, export_design
 from calstation.gui.text import duration_text, on_language_change, parameter_text, say, term
 from calstation.gui.widgets import (
     Cell,
     CellTable,
-    StateBadge,
     ViewTabs,
     button,
     column,
@@ -49,8 +48,7 @@ class TemperatureDesignResult(QWidget):
     def __init__(self, save: Callable[[], None]) -> None:
         super().__init__()
         self._design: tuple[TemperatureDesign, ScheduleOptions] | None = None
-        self._badge = StateBadge()
-        self._headline = label(kind="section", name="temperature_design_headline", wrap=True)
+        self._head = ResultHead("temperature_design_headline")
         self._summary = label(kind="muted", name="temperature_design_about", wrap=True)
         self._schedules = CellTable(
             "temperature_design_schedules", "cli.design_schedules", _SCHEDULE_COLUMNS, named=False
@@ -64,7 +62,7 @@ class TemperatureDesignResult(QWidget):
         #: The widgets in Tab order.
         self.tab_order = (tabs, export_button, self._save_button, self._schedules, self._sigmas)
         column(
-            row(self._badge, (self._headline, 1), spacing=2 * theme.GRID),
+            self._head,
             self._summary,
             row(tabs, None, export_button, self._save_button),
             (views, 1),
@@ -78,8 +76,9 @@ class TemperatureDesignResult(QWidget):
         self._design = design, options
         self._show_texts()
 
-    def lock(self, reason: str) -> None:
-        """Disable saving for the given reason; "" enables it."""
+    def lock(self, reason: str, outdated: str) -> None:
+        """Disable saving for the given reason, and show why the design is out of date; "" for neither."""
+        self._head.set_outdated(outdated)
         enable(self._save_button, reason, say("engineer.save_as_product_tip"))
 
     def _export(self) -> None:
@@ -89,9 +88,8 @@ class TemperatureDesignResult(QWidget):
     def _show_texts(self) -> None:
         if self._design is None:
             return
-        design, _ = self._design
-        self._badge.show_state("good", say("engineer.design_reached"))
-        self._headline.setText(_headline(design))
+        design, options = self._design
+        self._head.show_design(("good", say("engineer.design_reached")), options, _headline(design))
         self._summary.setText("\n".join(_assumptions(design)))
         self._schedules.show_cells(_schedule_cells(design))
         self._sigmas.show_cells(_sigma_cells(design), ("limit", "soaked", "ramped"))

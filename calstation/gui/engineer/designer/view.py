@@ -49,6 +49,9 @@ class DesignView(QWidget):
         self._options: ScheduleOptions | None = None
         #: Options and station file of the current search.
         self._searched: tuple[ScheduleOptions, Path | None] | None = None
+        #: Options, station file and values of the form for the current search, and for the latest design.
+        self._searched_for: tuple[object, ...] = ()
+        self._designed_for: tuple[object, ...] = ()
         #: The latest design with its options.
         self._result: tuple[Design | TemperatureDesign, ScheduleOptions] | None = None
         self._result_view: DesignResult | None = None
@@ -73,6 +76,7 @@ class DesignView(QWidget):
         self._stack = stack(self._empty)
         above = self.form, self._progress, self._problem, self.save_bar
         column(*above, (self._stack, 1), on=self, margins=(0, theme.GRID, 0, 0))
+        self.form.changed.connect(self._refresh)
         self.watch.busy_changed.connect(self._busy_changed)
         self._saving.busy_changed.connect(self._refresh)
         notice.report_failures(self._saving, "engineer.product_not_saved", self.setFocus)
@@ -111,6 +115,11 @@ class DesignView(QWidget):
         if options is not None:
             self.form.offer(options)
 
+    @property
+    def _conditions(self) -> tuple[object, ...]:
+        """What a design is for: the station, the product and the values of the form."""
+        return self._options, self._app.station_path, self.form.conditions
+
     def lock(self, reason: str, why_not_save: str) -> None:
         """Disable the search and saving for the given reasons; an empty reason enables the action."""
         options = self._options
@@ -127,6 +136,7 @@ class DesignView(QWidget):
         if self._options is None:
             return
         self._searched = self._options, self._app.station_path
+        self._searched_for = self._conditions
         self._goal, self._stopping, self._error = self.form.goal, False, None
         self.path_job.cancel()
         self.save_bar.hide()
@@ -169,7 +179,7 @@ class DesignView(QWidget):
         if self._searched is None:
             return
         options, station = self._searched
-        self._result = result, options
+        self._result, self._designed_for = (result, options), self._searched_for
         if isinstance(result, designer.TemperatureDesign):
             self.temperature_view.show_design(result, options)
             self._stack.setCurrentWidget(self.temperature_view)
@@ -229,8 +239,10 @@ class DesignView(QWidget):
         self._stop_button.setVisible(not over_temperature)
         self.form.lock(say("engineer.design_running") if busy else self._why_not, visible=not busy)
         show_text(self._problem, "" if busy or self._error is None else say(self._error.as_text))
-        why_not_save = say("engineer.saving") if self._saving.busy else self._why_not_save
+        current = self._result is None or self._conditions == self._designed_for
+        outdated = "" if current else say("engineer.design_outdated")
+        why_not_save = say("engineer.saving") if self._saving.busy else outdated or self._why_not_save
         self.save_bar.lock(why_not_save)
         for view in (self._result_view, self._temperature_view):
             if view is not None:
-                view.lock(why_not_save)
+                view.lock(why_not_save, outdated)
