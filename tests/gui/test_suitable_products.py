@@ -147,3 +147,28 @@ def test_refused_start_is_forgotten_with_its_station_or_product(operator: Operat
         change()
         assert not notice.isVisible()
         engineer.until_no_job()
+
+
+@pytest.mark.parametrize(
+    ("code", "reason"),
+    [("en", "Choose another product, or a station with a chamber."), ("zh_CN", "有温箱的工位")],
+)
+def test_start_is_disabled_on_both_pages_if_the_station_has_no_chamber(
+    operator: Operator, code: str, reason: str
+) -> None:
+    engineer = Engineer(operator.window, operator.qtbot, operator.site_folder).open_page()
+    app, not_ready = engineer.window.app, {"en": "NOT READY", "zh_CN": "未就绪"}[code]
+    app.set_language(code)
+    app.set_product(library.find("products", "mems_c_thermal"))
+    for page, name in (("operator_page", "start_button"), ("engineer_page", "engineer_start_button")):
+        engineer.window.show_page(page)
+        assert not_ready in engineer.says().split("\n")
+        assert reason in engineer.why_not(name)
+    app.set_station(library.find("stations", "virtual_chamber"))
+    assert engineer.widget("engineer_start_button", QPushButton).isEnabled()
+    assert not_ready not in engineer.says().split("\n")
+    app.set_station(library.find("stations", "virtual_bench"))
+    app.set_product(library.find("products", "mems_c_thermal"))
+    assert reason in engineer.why_not("engineer_start_button")
+    app.set_product(library.find("products", "mems_c"))
+    assert engineer.widget("engineer_start_button", QPushButton).isEnabled()

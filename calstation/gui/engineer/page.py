@@ -50,7 +50,8 @@ class EngineerPage(Page):
         self._suggested = ""
         #: Error in the station or product files that prevents a run.
         self._problem: CalstationError | None = None
-        self._faulty = False
+        #: Whether there is a fault, and why the station and the product are not usable for a run.
+        self._obstacles: tuple[bool, Text | None] = (False, None)
         self.header = self._header = EngineerHeader(app.run)
         self.choice = ChoicePanel()
         self._start_dialog = StartDialog(app, self.notice, "engineer_override", self._header.serial_edit.setFocus)
@@ -307,11 +308,11 @@ class EngineerPage(Page):
         self._start_dialog.begin(replace(request, serials=serials) if serials else request)
 
     def _run_changed(self) -> None:
-        """Update the actions only after a change of the fault, because this slot is called many times per second."""
+        """Update the actions only after a change of what prevents a run; this slot is called many times per second."""
         self._show_next()
-        faulty = self.app.run.fault is not None
-        if faulty != self._faulty:
-            self._faulty = faulty
+        obstacles = self.app.run.fault is not None, self.app.run.problem
+        if obstacles != self._obstacles:
+            self._obstacles = obstacles
             self._update()
 
     def _follow(self, event: Event) -> None:
@@ -367,7 +368,8 @@ class EngineerPage(Page):
         for edit in (self._header.serial_edit, self._header.engineer_edit):
             enable(edit, busy)
         badge = say("operator.sign_in") if self.app.badge_required else ""
-        why_not = problem or waits or device or choice or badge or self._why_no_unit()
+        unusable = run.why_no_run(engineer=self.app.role.engineer)
+        why_not = problem or waits or device or choice or unusable or badge or self._why_no_unit()
         enable(self._header.start_button, why_not)
         self.choice.lock(busy, role, name or self._why_not_save(), new_pin=self.app.role.new)
         enable(self.preview.button, problem or choice)

@@ -261,7 +261,7 @@ class OperatorPage(Page):
             app.settings.setValue("product", app.product_path.stem)
         summary, choices = self._summarise()
         self._watch.setVisible(has_pair(self.app.station_path))
-        app.run.set_runnable(self._problem is None)
+        app.run.set_problem(self._problem)
         self._starting.set_next_run(summary)
         self._stages.set_next_run(summary)
         self._loading.set_next_run(summary)
@@ -429,10 +429,8 @@ class OperatorPage(Page):
         self._message.setText(self._message_text())
 
     def _why_not_start(self) -> str:
-        if self._problem is not None:
-            return rendered(self._problem, engineer=self.app.role.engineer).remedy
         starting, header = self._starting, self.header
-        if why_not := say(self.app.run.why_not_start):
+        if why_not := self.app.run.why_no_run(engineer=self.app.role.engineer):
             return why_not
         if header.badge_field.required:
             return say("operator.sign_in")
@@ -506,7 +504,7 @@ class OperatorPage(Page):
         if run.display_state == "not_ready" and has_pair(self.app.station_path):
             return say("operator.message_pair")
         if run.state in ("idle", "starting"):
-            slots = run.state == "idle" and run.runnable and self._starting.slots
+            slots = run.state == "idle" and run.problem is None and self._starting.slots
             return say("operator.message_idle_slots" if slots else f"operator.message_{run.display_state}")
         if run.state == Verdict.STOPPED and not run.finalized and self.app.engine_link.running:
             return say("operator.message_stopped")

@@ -10,6 +10,7 @@ from calstation.errors import CalstationError
 from calstation.gui.state.chamber_status import ChamberStatus
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.state.unit_status import TRANSFER, StageState, UnitStatus
+from calstation.gui.text import rendered, say
 from calstation.messages import Text
 from calstation.records import Verdict, can_be_resumed
 from calstation.runs import RunSummary, run_summary
@@ -77,8 +78,8 @@ class RunStatus(QObject):
         self.state = "idle"
         self.run_summary: RunSummary | None = None
         self.register_operation = False
-        #: Whether the station and the product are usable for the next run.
-        self.runnable = True
+        #: Why the station and the product are not usable for the next run; None if they are.
+        self.problem: Text | None = None
         #: Symbol and text of the state of the IMUs that are monitored live, outside a run; None without monitoring.
         self.monitoring: tuple[str, Text] | None = None
         #: ``writing`` while registers are written, ``verifying`` until they are verified, then ``written``; "" before.
@@ -156,7 +157,7 @@ class RunStatus(QObject):
         """`state`, or ``writing`` during a register operation, ``monitoring``, or ``not_ready`` if no run can start."""
         if self.state == "idle" and self.monitoring is not None:
             return "monitoring"
-        if self.state == "idle" and not self.runnable:
+        if self.state == "idle" and self.problem is not None:
             return "not_ready"
         return "writing" if self.register_operation and self.state == "running" else self.state
 
@@ -247,9 +248,9 @@ class RunStatus(QObject):
             self.unit_changed.emit()
             self.changed.emit()
 
-    def set_runnable(self, runnable: bool) -> None:
-        """Set whether the station and the product are usable for the next run."""
-        self.runnable = runnable
+    def set_problem(self, problem: Text | None) -> None:
+        """Set why the station and the product are not usable for the next run, or None if they are."""
+        self.problem = problem
         self.changed.emit()
 
     def set_elsewhere(self, elsewhere: tuple[tuple[str, ...], str] | None) -> None:
@@ -348,6 +349,12 @@ class RunStatus(QObject):
         if self.fault is not None:
             return "operator.fault_open"
         return "operator.chamber_unconfirmed" if self.chamber.must_stay_closed else ""
+
+    def why_no_run(self, *, engineer: bool) -> str:
+        """Return why no run may start with the station and the product, to an engineer or an operator, or ""."""
+        if self.problem is not None:
+            return rendered(self.problem, engineer=engineer).remedy
+        return say(self.why_not_start)
 
     @property
     def _verdict(self) -> Verdict:
