@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QStandardItemModel
-from PySide6.QtWidgets import QComboBox, QPushButton
+from PySide6.QtWidgets import QComboBox, QLineEdit, QPushButton
 
 from calstation.config import RunRequest, library
 from calstation.gui.logs.methods import pair_live
@@ -13,6 +13,9 @@ from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
 from tests.gui.conftest import SERIAL, Operator
 from tests.gui.test_engineer_page import Engineer
+
+#: Serial number that the virtual bench suggests.
+SUGGESTED = "SN-000001"
 
 
 def entry(operator: Operator, product: str) -> tuple[str, bool, str]:
@@ -172,3 +175,35 @@ def test_start_is_disabled_on_both_pages_if_the_station_has_no_chamber(
     assert reason in engineer.why_not("engineer_start_button")
     app.set_product(library.find("products", "mems_c"))
     assert engineer.widget("engineer_start_button", QPushButton).isEnabled()
+
+
+def test_registers_are_read_from_the_entered_unit(operator: Operator) -> None:
+    engineer = Engineer(operator.window, operator.qtbot, operator.site_folder).open_page()
+    engineer.show_view(5)
+    engineer.run.unit.serial = "SN-000010"  # of the last run
+    edit, registers = engineer.widget("engineer_serial_edit", QLineEdit), engineer.page.registers
+    assert engineer.page._options is not None
+    edit.setText(engineer.page._options.serial)
+    for typed, read in ((None, SUGGESTED), (SUGGESTED, SUGGESTED), ("", "SN-000010"), ("SN-000012", "SN-000012")):
+        if typed is not None:
+            engineer.type("engineer_serial_edit", typed)
+        engineer.press("read_registers_button")
+        engineer.until(lambda: not registers.watch.busy)
+        assert registers.unit is not None, registers._error
+        assert registers.unit.serial == read, typed
+
+
+def test_typed_number_is_kept_if_it_equals_the_suggested_one(operator: Operator) -> None:
+    engineer = Engineer(operator.window, operator.qtbot, operator.site_folder)
+    engineer.window.show_page("engineer_page")
+    app, hardware = engineer.window.app, library.find("stations", "example_hardware")
+    edits = [engineer.widget(name, QLineEdit) for name in ("serial_edit", "engineer_serial_edit")]
+    assert [edit.text() for edit in edits] == [SUGGESTED, SUGGESTED]
+    for typed, kept in ((False, ""), (True, SUGGESTED)):
+        for page, edit in zip(("operator_page", "engineer_page"), edits, strict=True):
+            engineer.window.show_page(page)
+            if typed:
+                engineer.type(edit.objectName(), SUGGESTED)
+        app.set_station(hardware)
+        assert [edit.text() for edit in edits] == [kept, kept]
+        app.set_station(engineer.site_folder.station)

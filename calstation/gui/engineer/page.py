@@ -46,7 +46,7 @@ class EngineerPage(Page):
     def __init__(self, app: AppContext) -> None:
         super().__init__(app, "engineer")
         self._options: ScheduleOptions | None = None
-        #: Serial number that the virtual bench suggested last.
+        #: Serial number that the virtual bench suggested last; "" after the user has entered one.
         self._suggested = ""
         #: Error in the station or product files that prevents a run.
         self._problem: CalstationError | None = None
@@ -117,6 +117,7 @@ class EngineerPage(Page):
         self._header.serial_entered.connect(self._scan)
         app.slots.changed.connect(self._update)
         self._header.edited.connect(self._update)
+        self._header.serial_edit.textEdited.connect(self._forget_suggestion)
         self.preview.watch.done.connect(self.analysis.show_preview)
         self.analysis.changed.connect(self._update)
         self.analysis.loaded.connect(self._loaded)
@@ -170,6 +171,9 @@ class EngineerPage(Page):
         serial = "" if self._options is None else self._options.serial
         self._suggested = "" if serial == displayed else serial
         self._header.serial_edit.setText(self._suggested)
+
+    def _forget_suggestion(self, _: str) -> None:
+        self._suggested = ""
 
     def _choice_changed(self) -> None:
         self.preview.mark_outdated()
@@ -230,10 +234,9 @@ class EngineerPage(Page):
         )
 
     def _register_request(self) -> RunRequest:
-        """Return the request for a register operation; a virtual bench contains the unit of the last run by default."""
+        """Return the request for a register operation; an empty field means the last run's unit on a virtual bench."""
         request, serial = self._request(), self.app.run.unit.serial
-        entered = self._header.serial not in ("", self._suggested)
-        if not entered and serial and self._options is not None and self._options.virtual:
+        if not self._header.serial and serial and self._options is not None and self._options.virtual:
             request = replace(request, serial=serial)
         slots = {unit.serial: unit.slot for unit in self.app.run.units}
         return replace(request, slot=slots.get(request.serial) or None)

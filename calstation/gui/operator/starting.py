@@ -49,7 +49,7 @@ class RunStarter(QObject):
         self.run_summary: RunSummary | None = None
         #: Units of the next run at a station with several slots.
         self.slots = app.slots
-        #: Serial number that the virtual bench suggested last.
+        #: Serial number that the virtual bench suggested last; "" after the user has entered one.
         self._suggested = ""
         #: Why the entered serial number was refused; None if it was not.
         self.refused: Text | None = None
@@ -202,7 +202,7 @@ class RunStarter(QObject):
 
     def edited(self) -> None:
         """Remove a notice or question about units after the field or the slots have been edited."""
-        self.refused = None
+        self.refused, self._suggested = None, ""
         self._note_next()
         if self.run_summary is not None and not self._app.run.in_progress:
             self._notice.dismiss()
