@@ -1,11 +1,16 @@
-"""Labels of axes are centred on their axes, and do not cover the ticks."""
+"""Labels of axes are centred on their axes and do not cover the ticks; lines have captions."""
+
+from pathlib import Path
 
 import numpy as np
 import pyqtgraph as pg
 import pytest
 from pytestqt.qtbot import QtBot
 
+from calstation.gui.engineer.diagnostics_views import ResidualsView
+from calstation.gui.text import language
 from calstation.gui.widgets import ThemedPlot
+from calstation.results import Diagnostics
 
 
 @pytest.mark.parametrize("text", ["horizontal, °/h", "水平角速率，°/h"])
@@ -24,3 +29,26 @@ def test_label_set_after_the_plot_is_shown_is_centred_beside_the_ticks(qtbot: Qt
         assert abs(along) < 2.0
     ticks = plot.getAxis("bottom").textHeight
     assert box.top() >= ticks - 5.0, "below the numbers"
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        ("en", "– – 4 σ: notable, 5 σ: contradicts the model"),
+        ("zh_CN", "– – 4 σ：需注意，5 σ：与模型矛盾"),
+    ],
+)
+def test_lines_in_the_plot_of_tests_have_a_caption(qtbot: QtBot, code: str, words: str) -> None:
+    language.use(code)
+    view = ResidualsView()
+    qtbot.addWidget(view)
+    view.resize(1000, 600)
+    view.show_data(Diagnostics(Path("log.h5"), "SN-000001", ()))
+    view.show()
+    qtbot.waitExposed(view)
+    view.grab()  # positions the caption
+    (caption,) = [line.label for _, line in view._items if getattr(line, "label", None) is not None]
+    assert caption.toPlainText() == words
+    box, plot = caption.mapRectToScene(caption.boundingRect()), view.plots[0].getViewBox().sceneBoundingRect()
+    assert plot.contains(box)
+    language.use("en")

@@ -132,6 +132,8 @@ def _nis_cells(stage: StageDiagnostics) -> dict[str, str]:
 
 #: Width of the left axes of the plots of residuals, px.
 _AXIS_WIDTH = 9 * theme.GRID
+#: Smallest range of the plot of the tests in units of `EXCESSIVE`, with space for the names of stages and the caption.
+_HEADROOM = 1.6
 #: Width of the bars of rests and moves, in units of the distance between rests.
 _BAR = {"rest": 0.4, "move": 0.16}
 
@@ -206,10 +208,14 @@ class ResidualsView(StackedPlots[Diagnostics]):
             if symbol:
                 marks = pg.ScatterPlotItem(x, height, size=11, symbol=symbol, pen=None, brush=brush)
                 self.add(plot, marks, scaled=False)
-        for level in (NOTABLE, EXCESSIVE):
-            self.add(plot, pg.InfiniteLine(level, 0, pen=dashed(c.muted)), scaled=False)
+        words = say("engineer.test_levels", notable=NOTABLE, excessive=EXCESSIVE)
+        caption = {"position": 0.99, "anchors": [(1, 1), (1, 1)], "color": c.muted, "fill": theme.faint(c.panel, 200)}
+        upper = pg.InfiniteLine(EXCESSIVE, 0, pen=dashed(c.muted), label=words, labelOpts=caption)
+        upper.label.setFont(theme.font())
+        for line in (pg.InfiniteLine(NOTABLE, 0, pen=dashed(c.muted)), upper):
+            self.add(plot, line, scaled=False)
         largest = max((row.worst for _, row, _ in self._rows if np.isfinite(row.worst)), default=0.0)
-        plot.setYRange(0.0, 1.15 * max(largest, EXCESSIVE), padding=0.0)
+        plot.setYRange(0.0, max(1.15 * largest, _HEADROOM * EXCESSIVE), padding=0.0)
 
     def _draw_column(self, plot: ThemedPlot, values: FloatArray, sigmas: FloatArray) -> None:
         """Draw a value with its sigma for each rest, both of shape (n,)."""
