@@ -192,6 +192,35 @@ def test_form_creates_the_request(designer: Designer) -> None:
     assert (request.as_present, request.margin, request.duration) == (True, 1.0, None)
 
 
+@pytest.mark.parametrize(("code", "words"), [("en", "Margin: 5 was not accepted"), ("zh_CN", "裕度：未接受 5")])
+def test_no_search_starts_with_a_rejected_number(designer: Designer, code: str, words: str) -> None:
+    designer.window.app.set_language(code)
+    designer.design()
+    spin, design = designer.widget("design_margin_spin", QDoubleSpinBox), designer.widget("design_button", QPushButton)
+    message = designer.widget("design_margin_spin_message", QLabel)
+
+    def enter(typed: str) -> None:
+        spin.setFocus()
+        spin.selectAll()
+        designer.qtbot.keyClicks(spin, typed)
+        designer.qtbot.mouseClick(design, Qt.MouseButton.LeftButton)
+
+    enter("5")
+    assert not designer.view.watch.busy
+    assert (spin.text(), message.isVisible()) == ("5", True)
+    assert designer.why_not("design_button").startswith(words)
+    assert say("engineer.design_outdated") in designer.says()
+    designer.widget("design_goal_combo", QComboBox).setCurrentIndex(2)
+    assert design.isEnabled(), "this goal has no margin"
+    designer.widget("design_goal_combo", QComboBox).setCurrentIndex(0)
+    assert not design.isEnabled()
+    assert spin.text() == "5"
+    enter("0.5")
+    designer.until(lambda: not (designer.view.watch.busy or designer.view.path_job.busy))
+    assert not message.isVisible()
+    assert say("engineer.design_reached") in designer.says()
+
+
 @pytest.mark.parametrize(("goal", "best"), [(0, "Best so far 0:34"), (1, "Best so far σ / limit 0.82")])
 def test_search_is_stopped_with_its_best_design_or_cancelled(
     designer: Designer, monkeypatch: pytest.MonkeyPatch, goal: int, best: str

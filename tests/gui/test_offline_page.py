@@ -345,12 +345,14 @@ def test_number_outside_the_log_does_not_change_the_range(page: OfflinePage, run
         spin.selectAll()
         qtbot.keyClicks(spin, typed)
         assert spin.lineEdit().text() == typed
-        assert not page.range.note_label.isVisible()
+        assert f"{typed} is not" not in page.range.note_label.text()
         qtbot.keyClick(spin, Qt.Key.Key_Tab)
         assert (first.value(), last.value()) == (100, facts.last_seq)
-        assert page.range.note_label.text().startswith(f"{typed} is not in this log")
+        assert f"{typed} is not in this log" in page.range.note_label.text()
+        assert spin.lineEdit().text() == typed
+    assert page.range.note_label.text().startswith("12.5 is not in this log")
     language.use("zh_CN")
-    assert page.range.note_label.text().startswith(f"{facts.last_seq + 1} 不在此记录内")
+    assert f"{facts.last_seq + 1} 不在此记录内" in page.range.note_label.text()
     language.use("en")
     edit = page.findChild(QLineEdit, "log_edit")
     edit.clear()
@@ -358,6 +360,54 @@ def test_number_outside_the_log_does_not_change_the_range(page: OfflinePage, run
     qtbot.keyClick(edit, Qt.Key.Key_Return)
     qtbot.waitUntil(lambda: first.value() == facts.first_seq, timeout=WAIT)
     assert not page.range.note_label.isVisible()
+
+
+@pytest.mark.parametrize(
+    ("code", "words"), [("en", "999999999 is not in this log"), ("zh_CN", "999999999 不在此记录内")]
+)
+def test_rejected_number_remains_and_nothing_starts_until_it_is_corrected(
+    page: OfflinePage, run_log: Path, qtbot: QtBot, code: str, words: str
+) -> None:
+    language.use(code)
+    opened(page, run_log, qtbot)
+    assert page.log is not None
+    facts, note, (first, last) = page.log.facts, page.range.note_label, spins(page)
+    solve_button = button(page, "solve_button")
+
+    def enter(typed: str) -> None:
+        last.setFocus()
+        last.selectAll()
+        qtbot.keyClicks(last, typed)
+        qtbot.mouseClick(solve_button, Qt.MouseButton.LeftButton)
+
+    enter("999999999")
+    assert page.solver.job is None
+    assert last.lineEdit().text() == "999999999"
+    for name in ("solve_button", "export_log_button", "allan_button"):
+        assert not button(page, name).isEnabled()
+        assert button(page, name).toolTip().startswith(words)
+    first.setFocus()
+    page.range.hide()
+    page.range.show()
+    assert last.lineEdit().text() == "999999999"
+    first.setValue(facts.first_seq + 10)  # the other box is limited, but does not hide the rejected number
+    assert last.lineEdit().text() == "999999999"
+    assert note.text().startswith(words)
+
+    page.range.set_button.menu().actions()[0].trigger()
+    assert not note.isVisible()
+    assert last.value() == int(last.lineEdit().text()) == facts.last_seq
+    enter("999999999")
+    assert note.isVisible()
+    drag_edge(page, 1, 0.6)
+    assert not note.isVisible()
+    assert solve_button.isEnabled()
+    assert last.value() == int(last.lineEdit().text()) < facts.last_seq
+    enter("999999999")
+    qtbot.keyClick(last, Qt.Key.Key_Down)
+    assert not note.isVisible()
+    assert solve_button.isEnabled()
+    language.use("en")
 
 
 def test_sigma_above_its_limit_marks_only_the_sigma(qtbot: QtBot) -> None:

@@ -185,6 +185,7 @@ class OfflinePage(Page):
         self.plot.pointed.connect(self._show_pointed)
         self.stages.changed.connect(self._update)
         self.missing.requested.connect(self._add_state)
+        self.range.checked.connect(self._update)
         self.range.rest_requested.connect(self._find_rest)
         self.allan.closed.connect(self._hide_allan)
         self.busy_changed.connect(self._update)
@@ -354,6 +355,8 @@ class OfflinePage(Page):
             return say("logs.open_log_first")
         if self._working:
             return say("window.busy_job")
+        if self.range.problem:
+            return self.range.problem
         if not self.stages.available:
             return say("logs.range_empty")
         return "" if self.stages.selected else say("logs.tick_stage")
@@ -366,7 +369,7 @@ class OfflinePage(Page):
         for widget in (self.range, self.stages):
             enable(widget, wait)
         enable(self.solve_button, self._why_not_solve())
-        why_not = wait or ("" if self.log is not None else say("logs.open_log_first"))
+        why_not = wait or (say("logs.open_log_first") if self.log is None else self.range.problem)
         enable(self.allan_button, why_not, say("logs.allan_tip"))
         part = self.log is not None and not self.range.is_whole_log
         self.log_button.setText(say("logs.export_range_button" if part else "logs.export_log_button"))

@@ -32,6 +32,8 @@ class RangeBar(QWidget):
     """Inputs for a range of sequence numbers, which emit `changed(first, last)` when the user enters another range."""
 
     changed = Signal(object, object)
+    #: Emitted when `problem` may have changed.
+    checked = Signal()
     #: Emitted to request the selection of the longest rest in the log.
     rest_requested = Signal()
 
@@ -44,7 +46,7 @@ class RangeBar(QWidget):
             caption.setBuddy(spin)
             spin.valueChanged.connect(lambda _, spin=spin: self._accept_value(spin))
             spin.lineEdit().textEdited.connect(lambda _: self._show_note(""))
-            spin.rejected.connect(self._explain_rejection)
+            spin.rejected.connect(lambda _: self._show_note(""))
         self.length_label = label(kind="muted")
         self.set_button = button("range_button", "logs.set_to", tip="logs.set_to_tip")
         self._menu = QMenu(self)
@@ -58,7 +60,6 @@ class RangeBar(QWidget):
     def show_log(self, log_index: LogIndex) -> None:
         """Set the limits to the range of a log, and select the whole log."""
         self._log_index = log_index
-        self._show_note("")
         self.set_range(log_index.facts.first_seq, log_index.facts.last_seq)
         self._fill_menu()
 
@@ -68,13 +69,22 @@ class RangeBar(QWidget):
         return self.first_spin.value(), self.last_spin.value()
 
     @property
+    def problem(self) -> str:
+        """Why the entered texts are not samples of the log, or ""."""
+        if self._log_index is None:
+            return ""
+        limits = {"first": self._log_index.facts.first_seq, "last": self._log_index.facts.last_seq}
+        texts = [spin.wrong for spin in (self.first_spin, self.last_spin) if spin.wrong]
+        return "\n".join(say("logs.sample_outside", sample=text, **limits) for text in texts)
+
+    @property
     def is_whole_log(self) -> bool:
         """Whether the whole log is selected."""
         log = self._log_index
         return log is None or self.range == (log.facts.first_seq, log.facts.last_seq)
 
     def set_range(self, first: int, last: int) -> None:
-        """Show a range, limited to the log."""
+        """Show a range, limited to the log, instead of what was entered."""
         if self._log_index is None:
             return
         facts = self._log_index.facts
@@ -85,11 +95,12 @@ class RangeBar(QWidget):
                 spin.setRange(facts.first_seq, facts.last_seq)
                 spin.setValue(value)
         self._show_length()
+        self._show_note("")
 
     def _show_texts(self) -> None:
         self._fill_menu()
         self._show_length()
-        show_text(self.note_label, say(self._note))
+        self._show_note(self._note)
 
     def _show_length(self) -> None:
         if self._log_index is not None:
@@ -115,27 +126,24 @@ class RangeBar(QWidget):
         self.changed.emit(*self.range)
 
     def _accept_value(self, spin: CountSpin) -> None:
-        """Accept a new value, limited by the value of the other box."""
+        """Accept a new value, limited by the value of the other box, in which a rejected text remains."""
         first, last = self.range
-        self._show_note("")
-        if first > last and spin is self.first_spin:
-            first = last
-            self._show_note(Text.of("logs.first_clipped", last=last))
-        elif first > last:
-            last = first
-            self._show_note(Text.of("logs.last_clipped", first=last))
-        self.choose(first, last)
-
-    def _explain_rejection(self, typed: str) -> None:
-        """Explain why an entered text is not a sample of the log."""
-        if self._log_index is not None:
-            facts = self._log_index.facts
-            outside = Text.of("logs.sample_outside", sample=typed, first=facts.first_seq, last=facts.last_seq)
-            self._show_note(outside)
+        note: Words = ""
+        if first > last:
+            is_first = spin is self.first_spin
+            limit = last if is_first else first
+            note = Text.of("logs.first_clipped", last=limit) if is_first else Text.of("logs.last_clipped", first=limit)
+            with QSignalBlocker(spin):
+                spin.setValue(limit)
+        self._show_length()
+        self._show_note(note)
+        self.changed.emit(*self.range)
 
     def _show_note(self, note: Words) -> None:
+        """Show a note about a limited value, or why an entered text is not a sample of the log."""
         self._note = note
-        show_text(self.note_label, say(note))
+        show_text(self.note_label, self.problem or say(note))
+        self.checked.emit()
 
 
 class StageChoice(QWidget):

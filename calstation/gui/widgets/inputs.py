@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from PySide6.QtCore import QLocale, QSignalBlocker, Qt, Signal
-from PySide6.QtGui import QMouseEvent, QValidator, QWheelEvent
+from PySide6.QtGui import QMouseEvent, QShowEvent, QValidator, QWheelEvent
 from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QComboBox, QDoubleSpinBox, QLineEdit, QWidget
 
 from calstation.gui.text import on_language_change, with_minus, without_minus
@@ -192,7 +192,8 @@ class FlagBox(QCheckBox):
 class LimitedSpin(QDoubleSpinBox):
     """A number input without buttons that keeps its value, and emits `rejected(text)`, if another text is entered.
 
-    Every text can be typed, because a number whose last digit is ignored is another number.
+    Every text can be typed, because a number whose last digit is ignored is another number. A rejected text remains in
+    the input until it is corrected, so that the value is not taken for what was entered; then `rejected("")` follows.
     """
 
     rejected = Signal(str)
@@ -205,7 +206,8 @@ class LimitedSpin(QDoubleSpinBox):
         self.setKeyboardTracking(False)
         self.setButtonSymbols(QAbstractSpinBox.ButtonSymbols.NoButtons)
         self.setAlignment(Qt.AlignmentFlag.AlignRight)
-        self._entered = ""
+        #: Text that has been typed but not accepted, and the text that has been rejected.
+        self._entered = self.wrong = ""
         self.lineEdit().textEdited.connect(self._note_text)
         self.editingFinished.connect(self._check_entered)
 
@@ -215,12 +217,36 @@ class LimitedSpin(QDoubleSpinBox):
         invalid = state == QValidator.State.Invalid
         return (QValidator.State.Intermediate if invalid else state, *others)
 
+    def setValue(self, value: float) -> None:
+        """Show a value instead of a rejected text."""
+        self._note_text("")
+        super().setValue(value)
+
+    def stepBy(self, steps: int) -> None:
+        """Change the value by a number of steps."""
+        self._note_text("")
+        super().stepBy(steps)
+
+    def setSpecialValueText(self, text: str) -> None:
+        """Set the text of the smallest value, but keep a rejected text, which Qt replaces."""
+        super().setSpecialValueText(text)
+        self._check_entered()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Keep a rejected text, which Qt replaces."""
+        super().showEvent(event)
+        self._check_entered()
+
     def _note_text(self, text: str) -> None:
-        self._entered = text
+        corrected, self._entered, self.wrong = bool(self.wrong), text, ""
+        if corrected:
+            self.rejected.emit("")
 
     def _check_entered(self) -> None:
         text, self._entered = self._entered.strip(), ""
         if text and self.validate(text, len(text))[0] != QValidator.State.Acceptable:
+            self._entered = self.wrong = text
+            self.lineEdit().setText(text)
             self.rejected.emit(text)
 
 

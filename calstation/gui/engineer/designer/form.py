@@ -75,15 +75,15 @@ class DesignForm(QFrame):
         }
         seed = _SpinField(source, "seed", SpinEdit(0.0, 9999.0, 1.0, 0), "engineer.seed")
         #: Properties of the unit in the chamber, over temperature.
-        self._thermal = box(
-            row(
-                _SpinField(source, "time_constant", SpinEdit(1.0, 20_000.0, 10.0, 0), "engineer.time_constant_field"),
-                _SpinField(source, "self_heating", SpinEdit(0.0, 50.0, 0.5, 1), "engineer.self_heating_field"),
-                None,
-                spacing=2 * theme.GRID,
-            )
+        self._thermal_fields = (
+            _SpinField(source, "time_constant", SpinEdit(1.0, 20_000.0, 10.0, 0), "engineer.time_constant_field"),
+            _SpinField(source, "self_heating", SpinEdit(0.0, 50.0, 0.5, 1), "engineer.self_heating_field"),
         )
+        self._thermal = box(row(*self._thermal_fields, None, spacing=2 * theme.GRID))
         self._thermal.hide()
+        self._fields = (self._margin, self._minutes, self._search, *self._speeds.values(), seed)
+        for field in (*self._fields, *self._thermal_fields):
+            field.checked.connect(self.changed)
         self.button = button("design_button", "engineer.design", begin, kind="primary")
         advanced = box(row(*self._speeds.values(), seed, None, spacing=2 * theme.GRID))
         advanced.hide()
@@ -120,8 +120,10 @@ class DesignForm(QFrame):
         self._goal.setEnabled(not options.over_temperature)
         self._thermal.setVisible(options.over_temperature)
         self._search.setVisible(not options.over_temperature)
-        self._speeds["rate"].spin.setMaximum(options.rate)
-        self._speeds["acceleration"].spin.setMaximum(options.acceleration)
+        for name, most in (("rate", options.rate), ("acceleration", options.acceleration)):
+            spin = self._speeds[name].spin
+            spin.setMaximum(most)
+            spin.setValue(spin.value())
 
     @property
     def conditions(self) -> tuple[object, ...]:
@@ -129,7 +131,14 @@ class DesignForm(QFrame):
         values = self._source.values
         bound = {SHORTEST: ("margin",), GIVEN_TIME: ("minutes",)}.get(self.goal, ())
         names = (*bound, "rate", "acceleration", "time_constant", "self_heating")
-        return self.goal, *(values[name] for name in names)
+        return self.goal, self.problem, *(values[name] for name in names)
+
+    @property
+    def problem(self) -> str:
+        """Why an entered number is not accepted, or ""."""
+        fields = [*self._fields, *(() if self._thermal.isHidden() else self._thermal_fields)]
+        wrong = next((field for field in fields if field.spin.wrong and not field.isHidden()), None)
+        return "" if wrong is None else say("common.named", name=wrong.label.text(), text=say(wrong.problem))
 
     @property
     def unit(self) -> tuple[float, float]:
@@ -137,8 +146,8 @@ class DesignForm(QFrame):
         return self._source.values["time_constant"], self._source.values["self_heating"]
 
     def lock(self, reason: str, *, visible: bool) -> None:
-        """Disable the button for the given reason, and show the reason below the form if `visible`; "" enables it."""
-        enable(self.button, reason, say("engineer.design_tip"))
+        """Disable the button for a reason or a rejected number, and show the reason below the form if `visible`."""
+        enable(self.button, reason or self.problem, say("engineer.design_tip"))
         show_text(self._reason, reason if visible else "")
 
     def request(self, station: Path | None, product: Path, stop: Path) -> "DesignRequest":
@@ -171,6 +180,9 @@ class DesignForm(QFrame):
 class _SpinField(FormField):
     """Label and input of a number between limits; the text `zero` is shown for 0."""
 
+    #: Emitted when `problem` may have changed.
+    checked = Signal()
+
     def __init__(
         self, source: FormValues, name: str, spin: SpinEdit, words: Words, tip: Words = "", zero: Words = ""
     ) -> None:
@@ -185,17 +197,22 @@ class _SpinField(FormField):
         bind(spin.setToolTip, tip or f"engineer.{name}_tip")
         if zero:
             bind(spin.setSpecialValueText, zero)
-        spin.rejected.connect(self._explain)
-        spin.lineEdit().textEdited.connect(lambda _: self._warn(""))
+        spin.rejected.connect(lambda _: self.refresh())
+        spin.rejected.connect(lambda _: self.checked.emit())
 
-    def _explain(self, typed: str) -> None:
-        """Explain why an entered text is not accepted."""
-        low, high, step = (f"{x:g}" for x in (self.spin.minimum(), self.spin.maximum(), 10.0 ** -self.spin.decimals()))
-        self._warn(Text.of("engineer.number_not_accepted", typed=typed, low=low, high=high, step=step))
+    @property
+    def problem(self) -> Words:
+        """Why the entered text is not accepted, or ""."""
+        spin = self.spin
+        if not spin.wrong:
+            return ""
+        low, high, step = (f"{x:g}" for x in (spin.minimum(), spin.maximum(), 10.0 ** -spin.decimals()))
+        return Text.of("engineer.number_not_accepted", typed=spin.wrong, low=low, high=high, step=step)
 
-    def _warn(self, warning: Words) -> None:
-        self.warning = warning
-        self.refresh()
+    def refresh(self) -> None:
+        """Show the value, and why an entered text is not accepted."""
+        self.warning = self.problem
+        super().refresh()
 
 
 class SaveBar(NameBar):
