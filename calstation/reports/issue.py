@@ -175,16 +175,16 @@ class IssuedCertificate:
 
 
 def issued_certificates(
-    report: ProgressCallback, result_file: Path, station: Path | None, language: Language
+    report: ProgressCallback, log: Path, station: Path | None, language: Language
 ) -> list[IssuedCertificate]:
-    """Job: return the certificates of a result, the oldest first, each with a changed PDF or that in `language`.
+    """Job: return the certificates of a run, the oldest first, each with a changed PDF or that in `language`.
 
-    Without either, it has the PDF in the other language. Raises InputError or ConfigurationError.
+    Without either, it has the PDF in the other language. They are found by their number, the name of the log, so that
+    they are also known if the files of the run are missing. Raises InputError or ConfigurationError.
     """
     path, config = load_station(station)
-    folder = station_request(path, config.report, result_file, language).out
-    result, log = read_source(result_file.absolute())
-    issued = [] if result is None else _find_issued(log, certificate_number(result))
+    folder = station_request(path, config.report, log, language).out
+    issued = issued_reports(log.absolute().parent, site_events(site_folder()), log.stem)
     languages: tuple[Language, ...] = (language, "zh_CN" if language == "en" else "en")
     pdfs = find_pdfs(folder, [each.identification for each in issued], languages)
     names: Mapping[str, str] = {} if config.sign_in is None else config.sign_in.names

@@ -2,6 +2,7 @@
 
 import hashlib
 from dataclasses import replace
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,8 @@ from pytestqt.qtbot import QtBot
 
 from calstation.gui.history import HistoryPage
 from calstation.gui.history.record_view import _state
-from calstation.gui.text import event_line
+from calstation.gui.text import event_line, language, say
+from calstation.gui.widgets import state_icon
 from calstation.messages import Text, local_time
 from calstation.records import IssuedReport, Verdict, append_audit
 from calstation.reports import IssuedCertificate, IssuedPdf
@@ -28,8 +30,19 @@ from calstation.sequencer import (
     StepStarted,
 )
 from tests.gui.conftest import RESULT, Operator
-from tests.gui.test_history_page import WAIT, button, folder, listed_runs, page, runs, select_row, visible_texts
+from tests.gui.test_history_page import (
+    WAIT,
+    button,
+    folder,
+    listed_runs,
+    page,
+    runs,
+    select_row,
+    visible_texts,
+    write_run,
+)
 from tests.gui.test_operator_events import simulated_run
+from tests.issued_records import issue_in_records
 from tests.site_folder import SiteFolder
 
 __all__ = ["folder", "page", "runs", "simulated_run"]  # fixtures
@@ -188,6 +201,48 @@ def test_certificates_are_listed_with_their_run_and_opened(
     assert not open_button.isEnabled()
     assert not reason.isVisible()
     assert "prints the valid one again" in open_button.toolTip()
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_certificates_of_a_run_whose_log_was_deleted_are_listed(
+    page: HistoryPage, folder: Path, site_folder: SiteFolder, qtbot: QtBot, code: str
+) -> None:
+    """Nothing is claimed before the records have been read, nor that none was issued if the records lack it."""
+    number = write_run(folder, "SN-000001", "passed", timedelta(hours=2)).stem
+    other = write_run(folder, "SN-000002", "passed", timedelta(hours=3)).stem
+    issue_in_records(site_folder.home, folder, number)
+    append_audit(site_folder.home, "certificate", "", number=other, revision=0)  # of a version without its entries
+    language.use(code)
+    listed_runs(page, qtbot)
+    index, role = page.table.model().index(0, 0), Qt.ItemDataRole
+    passed = say("badge.passed")
+    hint = {"en": f"{passed}, log missing", "zh_CN": f"{passed}，数据记录缺失"}[code]
+    assert (index.data(), page.details.badge.text()) == (hint, hint)
+    assert index.data(role.DecorationRole).cacheKey() == state_icon("caution").cacheKey()
+    assert not button(page, "history_certificate_button").isEnabled()
+    press_record(page, qtbot)
+    none, events = (page.findChild(QLabel, f"no_{name}_label") for name in ("certificates", "events"))
+    assert not none.isVisible(), "the records have not been read yet"
+    restore = {"en": "Restore it from a backup", "zh_CN": "请从备份恢复"}[code]
+    assert restore in events.text()
+    table = page.findChild(QTableView, "certificates_table")
+    qtbot.waitUntil(lambda: not page.record.busy and table.model().rowCount() == 1, timeout=WAIT)
+    assert table.model().index(0, 0).data() == number
+    assert not none.isVisible()
+    certificate = button(page, "record_certificate_button")
+    assert not certificate.isEnabled()
+    assert {"en": "The log of this run is missing", "zh_CN": "数据记录缺失"}[code] in certificate.toolTip()
+    qtbot.mouseClick(button(page, "record_back_button"), Qt.MouseButton.LeftButton)
+    select_row(page, 1, qtbot)
+    press_record(page, qtbot)
+    unknown = {"en": "it is not known whether certificates were issued", "zh_CN": "无法确定是否签发过证书"}[code]
+    qtbot.waitUntil(lambda: unknown in none.text(), timeout=WAIT)
+    assert page.record._run is not None
+    page.record._run = replace(page.record._run, origin="other", station="line 2")
+    page.record._show_texts()
+    assert {"en": "line 2 issues the certificates", "zh_CN": "由工位 line 2 签发"}[code] in none.text()
+    assert {"en": "open the log first", "zh_CN": "请先打开数据记录"}[code] in events.text()
+    language.use("en")
 
 
 def test_issuers_are_those_of_the_audit_trail(site_folder: SiteFolder) -> None:

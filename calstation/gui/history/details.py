@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QAbstractItemView, QFormLayout, QFrame, QWidget
 from calstation.database import is_archived
 from calstation.errors import CalstationError
 from calstation.gui.history.comparison import limits_of
-from calstation.gui.history.run_table import stages_text
+from calstation.gui.history.run_table import lacks_log, outcome_kind, outcome_text, stages_text
 from calstation.gui.operator import CertificateButton, FiguresTable, LabelButton, advice
 from calstation.gui.state import ReleaseBar
 from calstation.gui.text import (
@@ -276,7 +276,7 @@ class RunDetails(QFrame):
         if run is None:
             return
         self._serial.setText(run.serial)
-        self.badge.show_state(KINDS.get(run.badge, "none"), term("badge", run.badge))
+        self.badge.show_state(outcome_kind(run), outcome_text(run))
         lines = []
         if result is not None and result.verdict.judged:
             failed = result.failed_checks
@@ -391,6 +391,8 @@ class RunDetails(QFrame):
         self.close_button.setVisible(actions.resumable or (incomplete and not elsewhere))
         enable(self.result_button, self._why_no_result(run), say("history.show_parameters"))
         enable(self.log_button, self._why_no_log(run), say("history.draw_log"))
+        for document in self._documents:
+            document.refuse(say("history.certificate_without_log") if lacks_log(run) else "")
         self.folder_button.setVisible(not run.origin)
         self.folder_button.setToolTip(plain_tip(str(run.log.parent)))
         busy = say("history.wait_for_run") if actions.running else ""

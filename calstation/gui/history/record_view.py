@@ -1,10 +1,11 @@
 """The record of a run: its events, and its certificates, which can be opened, printed again or revised."""
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QSizePolicy
 
+from calstation.gui.history.run_table import lacks_log
 from calstation.gui.operator import CertificateButton
 from calstation.gui.state import AppContext, EventLog, JobView
 from calstation.gui.text import language, on_language_change, say
@@ -28,8 +29,7 @@ class RecordView(JobView):
     def __init__(self, app: AppContext, back: Callable[[], None]) -> None:
         super().__init__(app, "record")
         self._run: RunRecord | None = None
-        self._result: Path | None = None
-        self._certificates: Sequence[IssuedCertificate] = ()
+        self._certificates: Sequence[IssuedCertificate] | None = None  #: None before they have been read.
         self._events_job = self.job(load_events, self._show_events, failure="history.events_not_read")
         self._certificates_job = self.job(
             issued_certificates, self._show_certificates, failure="history.certificates_not_read"
@@ -38,6 +38,10 @@ class RecordView(JobView):
         self.setFocusProxy(self.back_button)
         self._title = label(kind="section")
         self._no_events = label(kind="muted", wrap=True, name="no_events_label")
+        policy = self._no_events.sizePolicy()
+        policy.setVerticalPolicy(QSizePolicy.Policy.MinimumExpanding)  # it takes the place of the table
+        self._no_events.setSizePolicy(policy)
+        self._no_events.setAlignment(Qt.AlignmentFlag.AlignTop)
         self.events = EventLog("history_events_table")
         self.table = CellTable(
             "certificates_table", "history.certificates", _CERTIFICATES, named=False, single=True, row=4 * theme.GRID
@@ -70,8 +74,7 @@ class RecordView(JobView):
     def open(self, run: RunRecord, result: Result | None) -> None:
         """Show the record of a run and, if it can have certificates, of its result."""
         self.notice.dismiss()
-        self._run, self._result = run, run.result
-        self._certificates = ()
+        self._run, self._certificates = run, None
         self.events.show_events(())
         self.certificate_button.offer(result, run.result)
         if run.log.exists():
@@ -81,8 +84,8 @@ class RecordView(JobView):
         self.back_button.setFocus()
 
     def _read_certificates(self) -> None:
-        if self._result is not None and self._run is not None and self._run.log.exists():
-            self._certificates_job.start(self._result, self.app.station_path, language.current())
+        if self._run is not None and not self._run.origin:
+            self._certificates_job.start(self._run.log, self.app.station_path, language.current())
 
     def _show_events(self, events: list[TimedEvent]) -> None:
         self.events.show_events(events)
@@ -95,15 +98,17 @@ class RecordView(JobView):
         self._update()
 
     def _open(self) -> None:
-        number = self.table.currentIndex().row()
-        if 0 <= number < len(self._certificates) and (pdf := self._certificates[number].pdf) is not None:
-            self.certificate_button.open_issued(pdf)
+        if (chosen := self._chosen()) is not None and chosen.pdf is not None:
+            self.certificate_button.open_issued(chosen.pdf)
+
+    def _chosen(self) -> IssuedCertificate | None:
+        number, certificates = self.table.currentIndex().row(), self._certificates or ()
+        return certificates[number] if 0 <= number < len(certificates) else None
 
     def _update(self) -> None:
         """Show why the selected certificate is a revision, and enable the button that opens it if its file exists."""
-        number = self.table.currentIndex().row()
         self._open_button.setVisible(bool(self._certificates))
-        chosen = self._certificates[number] if 0 <= number < len(self._certificates) else None
+        chosen = self._chosen()
         revised = chosen is not None and chosen.report.reason
         values = {} if chosen is None else {"number": chosen.report.identification, "why": chosen.report.reason}
         show_text(self._reason, say("history.certificate_reason", **values) if revised else "")
@@ -116,11 +121,14 @@ class RecordView(JobView):
             return
         self._title.setText(f"{run.serial}  ·  {local_time(run.started_utc, zone=True)}")
         there = run.log.exists()
-        show_text(self._no_events, "" if there else say("history.no_events"))
+        self.certificate_button.refuse(say("history.certificate_without_log") if lacks_log(run) else "")
+        no_events = "history.no_events" if run.origin else "history.log_missing"
+        show_text(self._no_events, "" if there else say(no_events))
         self.events.setVisible(there)
-        last = len(self._certificates) - 1
+        certificates = self._certificates or ()
+        last = len(certificates) - 1
         cells = {}
-        for number, each in enumerate(self._certificates):
+        for number, each in enumerate(certificates):
             report = each.report
             state, code = _state(each, last=number == last, altered=run.altered)
             cells[str(number)] = {
@@ -134,8 +142,16 @@ class RecordView(JobView):
         self.table.show_cells(cells)
         self.table.setVisible(bool(cells))
         show_text(self._note, say("history.about_certificate_result_changed") if cells and run.altered else "")
-        show_text(self._no_certificates, "" if cells else say("history.no_certificates"))
+        show_text(self._no_certificates, "" if cells else self._why_none(run))
         self._update()
+
+    def _why_none(self, run: RunRecord) -> str:
+        """Return why no certificate is listed; "" before they have been read."""
+        if run.origin:
+            return say("history.certificates_elsewhere", station=run.station or "?")
+        if self._certificates is None:
+            return ""
+        return say("history.no_certificates" if run.log.exists() else "history.no_certificates_without_log")
 
 
 def _state(certificate: IssuedCertificate, *, last: bool, altered: bool) -> tuple[str, str]:

@@ -32,7 +32,7 @@ class _Column:
 
 
 _COLUMNS = (
-    _Column("history.outcome", "verdict", lambda run: term("badge", run.badge)),
+    _Column("history.outcome", "verdict", lambda run: outcome_text(run)),
     _Column("common.serial_number", "serial", lambda run: run.serial),
     _Column("common.started", "started_utc", lambda run: local_time(run.started_utc)),
     _Column("common.product", "product", lambda run: product_text(run.product or "")),
@@ -71,11 +71,11 @@ def _tip(run: RunRecord, column: int) -> str:
 
 
 def _icon(run: RunRecord, column: int) -> QIcon | None:
-    return state_icon(KINDS.get(run.badge, "none")) if column == _OUTCOME else None
+    return state_icon(outcome_kind(run)) if column == _OUTCOME else None
 
 
 def _colour(run: RunRecord, column: int) -> QColor | None:
-    return state_colour(KINDS.get(run.badge, "none")) if column == _OUTCOME else None
+    return state_colour(outcome_kind(run)) if column == _OUTCOME else None
 
 
 def _alignment(column: int) -> Qt.AlignmentFlag:
@@ -288,3 +288,20 @@ class RunTable(QTableView):
 def stages_text(run: RunRecord) -> str:
     """Return the names of the solved stages, separated by commas."""
     return say("common.comma").join(term("stage", stage) for stage in run.stages)
+
+
+def lacks_log(run: RunRecord) -> bool:
+    """Return whether the log of a run of this folder is missing."""
+    return not run.origin and not run.log.exists()
+
+
+def outcome_text(run: RunRecord) -> str:
+    """Return the outcome of a run, and whether only its log is missing."""
+    outcome = term("badge", run.badge)
+    return say("history.outcome_without_log", outcome=outcome) if lacks_log(run) and not run.missing else outcome
+
+
+def outcome_kind(run: RunRecord) -> str:
+    """Return the badge shape of the outcome of a run; a PASS without a log, which nothing confirms, has no tick."""
+    kind = KINDS.get(run.badge, "none")
+    return "caution" if kind == "good" and lacks_log(run) else kind

@@ -13,7 +13,7 @@ from calstation.config import ConfirmationRequired, Person, computer_user
 from calstation.errors import CalstationError
 from calstation.gui.state import AppContext, PeoplePanel
 from calstation.gui.text import Words, bind, language, say
-from calstation.gui.widgets import Choice, JobWatch, NoticeBar
+from calstation.gui.widgets import Choice, JobWatch, NoticeBar, plain_tip
 from calstation.messages import Text
 from calstation.records import IssuedReport, Verdict
 from calstation.reports import (
@@ -36,7 +36,14 @@ class _DocumentButton(QPushButton):
         super().__init__()
         self.setObjectName(name)
         self._app, self._notice, self._then = app, notice, then
+        self._busy, self._why_not = False, ""
         self.hide()
+
+    def refuse(self, why_not: str) -> None:
+        """Disable the button with the reason as its tooltip; "" enables it."""
+        self._why_not = why_not
+        self.setToolTip(plain_tip(why_not))
+        self._set_busy(self._busy)
 
     def open(self, pdf: Path) -> None:
         """Open a PDF; if this computer has no program for it, a notice names the file."""
@@ -45,9 +52,10 @@ class _DocumentButton(QPushButton):
 
     def _set_busy(self, busy: bool) -> None:
         """Disable the button during a job, without giving its focus to the next button."""
+        self._busy = busy
         if busy:
             self.clearFocus()
-        self.setEnabled(not busy)
+        self.setEnabled(not busy and not self._why_not)
 
 
 class LabelButton(_DocumentButton):
