@@ -112,10 +112,12 @@ from calstation.records.reports import (
     intact_trail,
     issued_reports,
     read_reports,
+    recorded_folders,
     report_faults,
     report_file,
     reports_head,
     reports_of_others,
+    unrecorded_reports,
 )
 from calstation.records.resolves import OnlineDifference, ResolveRecord, append_resolve, read_resolves, resolve_file
 from calstation.records.station_key import (

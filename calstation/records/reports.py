@@ -39,7 +39,11 @@ class IssuedReport:
     @property
     def identification(self) -> str:
         """The number, followed by the revision for a revised report."""
-        return f"{self.number}-R{self.revision}" if self.revision else self.number
+        return _identification(self.number, self.revision)
+
+
+def _identification(number: object, revision: object) -> str:
+    return f"{number}-R{revision}" if revision else str(number)
 
 
 #: Name of the event of an issued report in the audit trail.
@@ -104,8 +108,39 @@ def report_faults(folder: Path, state: TrailState) -> list[Text]:
             values = {"line": head.lines, "digest": head.digest, "witness": file.path}
             return [Text.of("audit.contradicts", file=state.path, **values)]
         if _identity(row.model_dump()) not in recorded:
-            return [Text.of("report.not_in_trail", file=file.path, number=row.number, trail=state.path)]
+            return [
+                Text.of(
+                    "report.not_in_trail",
+                    file=file.path,
+                    number=_identification(row.number, row.revision),
+                    trail=state.path,
+                )
+            ]
     return []
+
+
+def unrecorded_reports(folder: Path, state: TrailState) -> list[str]:
+    """Return the reports in the audit trail that the record of their folder lacks, the oldest first.
+
+    The record is read twice, because another program may have appended the event, but not yet the line. The last report
+    is no fault in `report_faults`, because the program may have been ended between the two; see `complete_reports`.
+    Raises OSError.
+    """
+    file: ChainedFile[_ReportLine] = ChainedFile(report_file(folder).path, _ReportLine)
+    events = [event.values for event in _events_of(folder, state.trail.entries)]
+    for wait in (_APPENDING, 0.0):
+        recorded = {_identity(line.model_dump()) for line in file.read().entries}
+        missing = [values for values in events if _identity(values) not in recorded]
+        if not missing:
+            break
+        time.sleep(wait)
+    return list(dict.fromkeys(str(each.get("certificate", each.get("number"))) for each in missing))
+
+
+def recorded_folders(events: Iterable[AuditEvent]) -> list[Path]:
+    """Return the folders of the logs of the reports in an audit trail."""
+    names = (_folder(event) for event in events if event.event == _EVENT)
+    return [Path(name) for name in dict.fromkeys(names) if isinstance(name, str)]
 
 
 def intact_trail(site: Path, runs: Path) -> TrailState:

@@ -15,11 +15,13 @@ from calstation.records import (
     database_heads,
     find_heads,
     public_key,
+    recorded_folders,
     report_faults,
     report_file,
     reports_of_others,
     site_events,
     site_trails,
+    unrecorded_reports,
     verify_trail,
 )
 from calstation.reports.issue import default_report_folder, report_folder
@@ -35,6 +37,7 @@ class CertificateState:
 
     findings: tuple[Text, ...]
     intact: bool  #: Whether nothing contradicts the file.
+    cautions: tuple[Text, ...] = ()  #: Those of `findings` that say what could not be verified.
 
 
 def verify_certificate(path: Path) -> CertificateState:
@@ -74,8 +77,9 @@ def read_verified_trail(report: ProgressCallback, station: Path | None, runs: Pa
     """Job: read and verify the audit trail of the site, and compare it with certificates and with their record.
 
     The files of certificates are sought in the folders for reports of the station and of all stations in the library,
-    in those next to `runs` and to the runs of certificates, and with the runs. The record of issued reports is the one
-    in `runs`. Raises InputError if a file cannot be read.
+    in those next to `runs` and to the runs of certificates, and with the runs. The records of issued reports are those
+    in `runs` and in the other folders that the trail names, unless they were archived as a whole. Raises InputError if
+    a file cannot be read.
     """
     site = read_site_trail(lambda *_, **__: None)
     folders = [*_report_folders(station), default_report_folder(runs.absolute())]
@@ -99,17 +103,23 @@ def read_verified_trail(report: ProgressCallback, station: Path | None, runs: Pa
     forged, unrecorded = _unrecorded_files(list(searched), runs)
     faults, cautions = [*faults, *forged], [*cautions, *unrecorded]
     others = [Text.of("audit.files_intact", count=intact)] if intact else []
-    if report_file(runs).path.exists():
-        record = _verify_record(runs)
+    for record in map(_verify_record, _record_folders(runs, site)):
+        cautions += record.cautions
         for each in record.findings:
+            if each in record.cautions:
+                continue
             if not record.intact:
                 faults += [each] if each not in faults else []
-            elif each.code == "report.of_others" and not site.trail.digests:
-                cautions.append(each)
             elif each.code in ("report.record_intact", "report.of_others"):
                 others.append(each)
     state = [*site.state, *(each for each in (*faults, *cautions, *others) if each not in site.state)]
     return replace(site, state=tuple(state), faults=tuple(faults), cautions=(*site.cautions, *cautions))
+
+
+def _record_folders(runs: Path, site: SiteTrail) -> list[Path]:
+    """Return `runs`, and the other existing folders in which the site has issued reports."""
+    others = [each for each in recorded_folders(site.trail.entries) if each != runs.resolve() and each.is_dir()]
+    return [runs, *others]
 
 
 def _verify_record(runs: Path) -> CertificateState:
@@ -209,19 +219,26 @@ def _content_of(file: Path) -> bytes:
 def verify_reports(folder: Path) -> CertificateState:
     """Verify the record of issued reports in a folder of runs, and the audit trail of the site with both its witnesses.
 
-    They are this record, and the heads that the shared database has. Raises InputError if a file cannot be read.
+    They are this record, which must contain all reports that the trail names for this folder, and the heads that the
+    shared database has. Raises InputError if a file cannot be read.
     """
     state = verify_trail(site_folder(), every_signature=True)
     heads = database_heads(folder)
-    faults = (*state.faults, *database_contradictions(state, heads), *report_faults(folder, state))
+    faults = [*state.faults, *database_contradictions(state, heads), *report_faults(folder, state)]
+    file, missing = report_file(folder).path, unrecorded_reports(folder, state)
+    if missing:
+        faults.append(Text.of("report.not_in_record", file=file, count=len(missing), names=_first(missing)))
     if faults:
-        return CertificateState(faults, intact=False)
-    findings = [Text.of("report.record_intact", folder=folder)]
-    others = reports_of_others(folder, state)
+        return CertificateState(tuple(faults), intact=False)
+    lines, others = len(report_file(folder).read().entries), reports_of_others(folder, state)
+    code = "report.record_intact" if others < lines else "report.record_alone" if lines else "report.no_record"
+    findings, cautions = [Text.of(code, folder=folder)], []
     if others:
-        findings.append(Text.of("report.of_others", file=report_file(folder).path, count=others))
+        findings.append(Text.of("report.of_others", file=file, count=others))
+    if code == "report.record_alone":
+        cautions += findings if not state.trail.digests else findings[:1]
     of_this_trail = [each.head for each in heads if each.head.key == state.public_key]
     findings += [Text.of("audit.database_agrees", line=head.lines, digest=head.digest) for head in of_this_trail]
     if not of_this_trail:
         findings.append(Text.of("audit.no_database"))
-    return CertificateState(tuple(findings), intact=True)
+    return CertificateState(tuple(findings), intact=True, cautions=tuple(cautions))

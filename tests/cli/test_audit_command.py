@@ -8,6 +8,7 @@ import pytest
 
 from calstation.config import access, library, versions
 from calstation.records import AUDIT_EVENTS, append_audit, audit_path
+from tests.issued_records import issue_in_records, remove_trail
 
 SHIPPED = (library.shipped_folder() / "products" / "nav_a.toml").read_text("utf-8")
 
@@ -111,3 +112,34 @@ def test_check_compares_certificates_in_the_folder_for_reports_of_a_station(cals
     append_audit(home, "certificate", "li", certificate="N-1", files=files, reports={"folder": str(home / "runs")})
     done = calstation("check")
     assert (done.code, f"{reports / 'N-1.pdf'} is not the file that was issued" in done.out) == (2, True)
+
+
+def test_certificates_of_the_trail_that_the_record_of_reports_lacks_are_an_error(
+    calstation, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(home)
+    runs = Path("runs")
+    for revision in (0, 1):
+        issue_in_records(home, runs.resolve(), "N-1", revision)
+    record, agrees = runs / "reports.jsonl", "agrees with the audit trail"
+    content = record.read_bytes()
+    for arguments in ((), (runs,), (record,)):
+        done = calstation("check", *arguments)
+        assert (done.code, agrees in done.out) == (0, True)
+    lacks = "certificates that the audit trail contains: 2 (N-1, N-1-R1)."
+    record.unlink()
+    for arguments in ((), (runs,), (record,)):
+        done = calstation("check", *arguments)
+        assert (done.code, agrees in done.out, lacks in done.out) == (2, False, True), done
+    monkeypatch.chdir(home.parent)
+    assert calstation("check").code == 2, "the trail names the folder"
+    monkeypatch.chdir(home)
+    record.write_bytes(content)
+    remove_trail(home)
+    done = calstation("check", runs)
+    assert (done.code, agrees in done.out) == (0, False)
+    assert "no audit trail of this site confirms any" in done.out
+    (home / "other").mkdir()
+    done = calstation("check", home / "other")
+    assert "There is no record of issued reports in" in done.out
+    assert agrees not in done.out

@@ -14,9 +14,10 @@ from pytestqt.qtbot import QtBot
 from calstation.config import access, library, versions
 from calstation.gui.history import HistoryPage
 from calstation.gui.text import language
-from calstation.records import IssuedReport, append_audit, audit_path, report_file, reports_head, verify_trail
+from calstation.records import IssuedReport, append_audit, audit_path, report_file, verify_trail
 from tests.gui.conftest import SiteFolder
 from tests.gui.test_history_page import WAIT, button, folder, page
+from tests.issued_records import cut_last_line, issue_in_records, remove_trail
 
 __all__ = ["folder", "page"]  # fixtures
 
@@ -168,9 +169,7 @@ def test_files_of_certificates_are_compared_with_the_trail(
     for number in ("N-1", "N-2", "N-3"):
         content = number.encode()
         files = {f"{number}.pdf": hashlib.sha256(content).hexdigest()}
-        append_audit(
-            site_folder.home, "certificate", "Li Na", certificate=number, files=files, reports={"folder": str(runs)}
-        )
+        issue_in_records(site_folder.home, runs, number, files=files)
         if number != "N-3":
             (folder / f"{number}.pdf").write_bytes(content)
     language.use(code)
@@ -203,11 +202,10 @@ def test_changed_file_of_a_replaced_certificate_is_not_to_be_printed_again(
     runs = page.app.runs_folder.absolute()
     folder = runs.parent / "certificates"
     folder.mkdir(exist_ok=True)
-    for name in ("N-1", "N-1-R1"):
+    for revision, name in enumerate(("N-1", "N-1-R1")):
         (folder / f"{name}.pdf").write_bytes(b"" if name == "N-1" else b"issued")
         files = {f"{name}.pdf": hashlib.sha256(b"issued").hexdigest()}
-        values = {"certificate": name, "number": "N-1", "files": files, "reports": {"folder": str(runs)}}
-        append_audit(site_folder.home, "certificate", "Li Na", **values)
+        issue_in_records(site_folder.home, runs, "N-1", revision, files)
     language.use(code)
     open_trail(page, qtbot)
     qtbot.mouseClick(button(page, "audit_verify_button"), Qt.MouseButton.LeftButton)
@@ -314,7 +312,7 @@ def test_certificates_that_no_record_contains_are_named(
     assert not faults.text()
     append_audit(site_folder.home, "pin_set", "")
     digests = {"N-9.pdf": hashlib.sha256(b"calstation").hexdigest()}
-    append_audit(site_folder.home, "certificate", "", certificate="N-9", files=digests, reports=reports_head(runs))
+    issue_in_records(site_folder.home, runs, "N-9", files=digests)
     head = verify_trail(site_folder.home).head
     assert head is not None
     (folder / "N-6.pdf").write_bytes(str(head).encode())
@@ -322,6 +320,61 @@ def test_certificates_that_no_record_contains_are_named(
     qtbot.waitUntil(lambda: forged in faults.text(), timeout=WAIT)
     assert "N-6.pdf" in faults.text()
     assert not cautions.text(), "N-8.xml has the bytes of a recorded file"
+    language.use("en")
+
+
+@pytest.mark.parametrize(
+    ("code", "lacking", "agrees", "alone"),
+    [
+        (
+            "en",
+            "certificates that the audit trail contains: {}",
+            "agrees with the audit trail",
+            "no audit trail of this",
+        ),
+        ("zh_CN", "缺少审计记录所载的证书：{}", "且与审计记录一致", "没有可证实其中任何一行的审计记录"),
+    ],
+)
+def test_record_of_reports_agrees_only_if_it_has_the_certificates_of_the_trail(
+    page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot, code: str, lacking: str, agrees: str, alone: str
+) -> None:
+    home, runs = site_folder.home, page.app.runs_folder
+    issue_in_records(home, runs, "N-1")
+    issue_in_records(home, runs, "N-1", 1)
+    language.use(code)
+    open_trail(page, qtbot)
+    labels = [page.audit.findChild(QLabel, f"audit_{name}_label") for name in ("faults", "cautions", "state")]
+    faults, cautions, state = labels
+
+    def verify(label: QLabel, words: str, icon: str) -> None:
+        qtbot.mouseClick(button(page, "audit_verify_button"), Qt.MouseButton.LeftButton)
+        qtbot.waitUntil(lambda: words in label.text(), timeout=WAIT)
+        assert page.audit._icon._kind == icon
+        assert (agrees in state.text()) == (icon == "good")
+
+    verify(state, agrees, "good")
+    record = report_file(runs).path
+    content = record.read_bytes()
+    cut_last_line(record)
+    one = {"en": "1 (N-1-R1)", "zh_CN": "1 份（N-1-R1）"}[code]
+    verify(faults, lacking.format(one), "bad")
+    record.unlink()
+    two = {"en": "2 (N-1, N-1-R1)", "zh_CN": "2 份（N-1、N-1-R1）"}[code]
+    verify(faults, lacking.format(two), "bad")
+    record.write_bytes(content)
+    page.app.runs_folder = runs.parent / "next"
+    verify(state, agrees, "good")
+    record.unlink()
+    verify(faults, str(record), "bad")
+    record.write_bytes(content)
+    page.app.runs_folder = runs
+    trail = audit_path(home).read_bytes()
+    cut_last_line(audit_path(home))
+    named = {"en": "contains certificate N-1-R1, signed", "zh_CN": "签名的证书 N-1-R1，"}[code]
+    verify(faults, named, "bad")
+    audit_path(home).write_bytes(trail)
+    remove_trail(home)
+    verify(cautions, alone, "caution")
     language.use("en")
 
 
