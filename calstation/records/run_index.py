@@ -140,6 +140,11 @@ class RunIndex:
         if rows or names or lost:
             self._try(change)
 
+    def names(self) -> dict[str, bool]:
+        """Return the names of the runs of the folder, and whether their files are known to be missing."""
+        query = sa.select(RUNS.c.name, RUNS.c.missing).where(RUNS.c.origin == "")
+        return {name: bool(missing) for name, missing in self._try(lambda connection: _rows(connection, query))}
+
     def runs_by_name(self, names: Sequence[str]) -> list[IndexedRun]:
         """Return the runs of the folder with these names."""
         return self._select_runs(sa.select(RUNS).where(RUNS.c.origin == "", RUNS.c.name.in_(names)))

@@ -1,7 +1,8 @@
 """Verification of the files of a certificate with the audit trail of the site."""
 
 import hashlib
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, os_reason
 from calstation.records import (
+    SUFFIX,
     database_contradictions,
     database_heads,
     find_heads,
@@ -29,6 +31,9 @@ from calstation.reports.issued_pdf import file_digests
 
 #: Maximum number of missing files that are named.
 _MAX_NAMES = 5
+
+#: End of the name of the log of a run, which is the number of its certificate; those of other logs have other ends.
+_RUN_LOG = re.compile(r"_\d{8}T\d{12}$")
 
 
 @dataclass(frozen=True)
@@ -224,21 +229,43 @@ def verify_reports(folder: Path) -> CertificateState:
     """
     state = verify_trail(site_folder(), every_signature=True)
     heads = database_heads(folder)
+    cautions = _missing_runs(folder)
     faults = [*state.faults, *database_contradictions(state, heads), *report_faults(folder, state)]
     file, missing = report_file(folder).path, unrecorded_reports(folder, state)
     if missing:
         faults.append(Text.of("report.not_in_record", file=file, count=len(missing), names=_first(missing)))
     if faults:
-        return CertificateState(tuple(faults), intact=False)
+        return CertificateState((*faults, *cautions), intact=False, cautions=tuple(cautions))
     lines, others = len(report_file(folder).read().entries), reports_of_others(folder, state)
     code = "report.record_intact" if others < lines else "report.record_alone" if lines else "report.no_record"
-    findings, cautions = [Text.of(code, folder=folder)], []
+    findings = [Text.of(code, folder=folder)]
     if others:
         findings.append(Text.of("report.of_others", file=file, count=others))
     if code == "report.record_alone":
-        cautions += findings if not state.trail.digests else findings[:1]
+        cautions = [*cautions, *(findings if not state.trail.digests else findings[:1])]
     of_this_trail = [each.head for each in heads if each.head.key == state.public_key]
     findings += [Text.of("audit.database_agrees", line=head.lines, digest=head.digest) for head in of_this_trail]
     if not of_this_trail:
         findings.append(Text.of("audit.no_database"))
+    findings += [each for each in cautions if each not in findings]
     return CertificateState(tuple(findings), intact=True, cautions=tuple(cautions))
+
+
+def _missing_runs(folder: Path) -> list[Text]:
+    """Return a caution about the runs in the index or in the audit trails whose log, or all files, are missing."""
+    from calstation.records.run_index import FILE, RunIndex  # loads SQLAlchemy
+
+    numbers = [str(each.get("number")) for each in _certificates_of(folder)]
+    runs = {number: False for number in numbers if _RUN_LOG.search(number)}
+    if (folder / FILE).is_file():
+        runs |= RunIndex(folder).names()
+    logs = {each.stem for each in folder.glob(f"*{SUFFIX}")}
+    names = sorted(name for name, missing in runs.items() if missing or name not in logs)
+    return [Text.of("audit.runs_missing", folder=folder, count=len(names), names=_first(names))] if names else []
+
+
+def _certificates_of(folder: Path) -> Iterator[Mapping[str, object]]:
+    """Yield the values of the certificates of the site for logs in a folder."""
+    for each in site_events(site_folder()):
+        if str(folder.resolve()) in map(str, recorded_folders([each])):
+            yield each.values

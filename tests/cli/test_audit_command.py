@@ -8,6 +8,8 @@ import pytest
 
 from calstation.config import access, library, versions
 from calstation.records import AUDIT_EVENTS, append_audit, audit_path
+from calstation.results import History
+from tests.dead_logs import write_dead_log
 from tests.issued_records import issue_in_records, remove_trail
 
 SHIPPED = (library.shipped_folder() / "products" / "nav_a.toml").read_text("utf-8")
@@ -143,3 +145,26 @@ def test_certificates_of_the_trail_that_the_record_of_reports_lacks_are_an_error
     done = calstation("check", home / "other")
     assert "There is no record of issued reports in" in done.out
     assert agrees not in done.out
+
+
+def test_runs_whose_files_are_missing_are_named_by_every_verification(
+    calstation, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those that only the index of the runs knows, and those of certificates, also without the index."""
+    monkeypatch.chdir(home)
+    runs = home / "runs"
+    runs.mkdir()
+    certified, indexed = write_dead_log(runs, "SN-1"), write_dead_log(runs, "SN-2")
+    issue_in_records(home, runs, certified.stem)
+    History(runs).refresh()
+    for arguments in ((), (runs,)):
+        assert "are missing or unreadable" not in calstation("check", *arguments).out
+    certified.unlink()
+    indexed.unlink()
+    for arguments in ((), (Path("runs"),)):
+        done = calstation("check", *arguments)
+        assert (done.code, f"unreadable: 2 ({certified.stem}, {indexed.stem})." in done.out) == (0, True), done
+    History(runs).refresh()
+    assert f"unreadable: 2 ({certified.stem}, {indexed.stem})." in calstation("check", runs).out
+    (runs / "history.sqlite").unlink()
+    assert f"unreadable: 1 ({certified.stem})." in calstation("check", runs).out

@@ -4,6 +4,7 @@ import csv
 import hashlib
 import json
 from dataclasses import asdict
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ from calstation.gui.history import HistoryPage
 from calstation.gui.text import language
 from calstation.records import IssuedReport, append_audit, audit_path, report_file, verify_trail
 from tests.gui.conftest import SiteFolder
-from tests.gui.test_history_page import WAIT, button, folder, page
+from tests.gui.test_history_page import WAIT, button, folder, page, write_run
 from tests.issued_records import cut_last_line, issue_in_records, remove_trail
 
 __all__ = ["folder", "page"]  # fixtures
@@ -375,6 +376,23 @@ def test_record_of_reports_agrees_only_if_it_has_the_certificates_of_the_trail(
     audit_path(home).write_bytes(trail)
     remove_trail(home)
     verify(cautions, alone, "caution")
+    language.use("en")
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [("en", "are missing or unreadable: 1 ({name})."), ("zh_CN", "缺失或无法读取的标定：1 次（{name}）。")],
+)
+def test_runs_whose_logs_are_missing_are_a_warning(
+    page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot, code: str, words: str
+) -> None:
+    name = write_run(page.app.runs_folder, "SN-000001", "passed", timedelta(hours=1)).stem
+    append_audit(site_folder.home, "pin_set", "")
+    language.use(code)
+    open_trail(page, qtbot)
+    cautions = page.audit.findChild(QLabel, "audit_cautions_label")
+    assert words.format(name=name) in cautions.text()
+    assert page.audit._icon._kind == "caution"
     language.use("en")
 
 
