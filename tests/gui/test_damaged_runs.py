@@ -99,6 +99,11 @@ def test_run_without_files_stays_listed(page: HistoryPage, folder: Path, qtbot: 
     reason = page.details.reason_label.text()
     assert ("are no longer in the folder" if code == "en" else "文件已不在文件夹中") in reason
     assert say("badge.failed") in reason
+    counts = {
+        "en": "counts in the yield and as an attempt, but not in charts or capability, and is not exported",
+        "zh_CN": "仍计入合格率和次数，但不计入控制图和过程能力，也不导出",
+    }
+    assert counts[code] in reason
     for name in ("result", "log"):
         assert not button(page, f"history_{name}_button").isEnabled()
     assert say("history.export_tip", count=1) == button(page, "history_export_button").toolTip()
