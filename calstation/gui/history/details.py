@@ -392,7 +392,7 @@ class RunDetails(QFrame):
         enable(self.result_button, self._why_no_result(run), say("history.show_parameters"))
         enable(self.log_button, self._why_no_log(run), say("history.draw_log"))
         for document in self._documents:
-            document.refuse(say("history.certificate_without_log") if lacks_log(run) else "")
+            document.refuse(say("history.log_gone") if lacks_log(run) else "")
         self.folder_button.setVisible(not run.origin)
         self.folder_button.setToolTip(plain_tip(str(run.log.parent)))
         busy = say("history.wait_for_run") if actions.running else ""

@@ -121,7 +121,7 @@ class RecordView(JobView):
             return
         self._title.setText(f"{run.serial}  ·  {local_time(run.started_utc, zone=True)}")
         there = run.log.exists()
-        self.certificate_button.refuse(say("history.certificate_without_log") if lacks_log(run) else "")
+        self.certificate_button.refuse(say("history.log_gone") if lacks_log(run) else "")
         no_events = "history.no_events" if run.origin else "history.log_missing"
         show_text(self._no_events, "" if there else say(no_events))
         self.events.setVisible(there)
