@@ -14,6 +14,7 @@ from calstation.config.configuration_checks import (
     temperature_ranges,
 )
 from calstation.config.confirmation import (
+    Action,
     ConfirmationRequired,
     Person,
     can_confirm_identity,

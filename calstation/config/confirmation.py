@@ -9,8 +9,8 @@ from calstation.config.request import Confirmation, plain_text
 from calstation.config.station import StationConfig
 from calstation.errors import ConfigurationError
 
-#: Overriding a failed unit or check standard, writing registers outside a run, or issuing a certificate.
-Action = Literal["override", "registers", "certificate"]
+#: Overriding a failed unit or check standard, writing registers outside a run, or issuing a certificate or a revision.
+Action = Literal["override", "registers", "certificate", "revision"]
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Person:
 
 @dataclass(frozen=True)
 class ConfirmationRequired:
-    """Requirements of an action: the PIN of the acting person, the badge of an engineer, and a second person."""
+    """Requirements of an action: the PIN of the acting person, a badge of the station, and a second person."""
 
     pin: bool
     badge: bool
@@ -37,10 +37,13 @@ class ConfirmationRequired:
 def confirmation_required(action: Action, product: ProductConfig, station: StationConfig) -> ConfirmationRequired:
     """Return what an action with a unit of a product requires at a station.
 
-    An override always requires a PIN; other actions require one only if the product requires a second person.
+    An override always requires a PIN, and the revision of a certificate does at a station that lists engineers; other
+    actions require one only if the product requires a second person.
     """
-    second = product.confirmation is not None and action in product.confirmation.required_for
-    return ConfirmationRequired(second or action == "override", bool(_engineers(station)), second)
+    kind = "certificate" if action == "revision" else action
+    second = product.confirmation is not None and kind in product.confirmation.required_for
+    pin = second or action == "override" or (action == "revision" and bool(_engineers(station)))
+    return ConfirmationRequired(pin, station.sign_in is not None, second)
 
 
 def can_confirm_identity(station: StationConfig) -> bool:
@@ -64,23 +67,29 @@ def confirm(
 
     Raises
     ------
-    ConfigurationError : if a person is not an engineer of the station, a PIN is wrong or missing, the second person is
-        missing or identical to the first, or the station lists no engineers although two people are required or given.
+    ConfigurationError : if a person is not an engineer of the station, a badge is not one of the station, a PIN is
+        wrong or missing, the second person is missing or identical to the first, or the station lists no engineers
+        although two people are required or given.
     """
     needed = confirmation_required(action, product, station)
     if not first.badge:
         raise ConfigurationError("confirmation.no_person")
+    engineers, sign_in = _engineers(station), station.sign_in
+    # only a typed badge is tested: the person may be the user of the computer if nothing is asked
+    is_typed = needed.pin or second is not None or bool(first.pin) or action == "revision"
+    if is_typed and not engineers and sign_in is not None and not sign_in.knows(first.badge):
+        raise ConfigurationError("confirmation.not_a_badge", badge=first.badge)
     if not needed.pin and second is None and not first.pin:
         return Confirmation(first.badge)
-    if (needed.second or second is not None) and not needed.badge:  # the site's single PIN does not identify two people
+    if (needed.second or second is not None) and not engineers:  # the site's single PIN does not identify two people
         raise ConfigurationError("confirmation.no_engineers", station=station.name, product=product.name)
     if needed.second and second is None:
         raise ConfigurationError("confirmation.second_missing", product=product.name)
     if second is not None and second.badge == first.badge:
         raise ConfigurationError("confirmation.same_person", badge=first.badge)
     for person in filter(None, (first, second)):
-        _identify(person, _engineers(station))
-    return Confirmation(first.badge, None if second is None else second.badge, "personal" if needed.badge else "site")
+        _identify(person, engineers)
+    return Confirmation(first.badge, None if second is None else second.badge, "personal" if engineers else "site")
 
 
 def confirm_at_site(person: Person) -> Confirmation:

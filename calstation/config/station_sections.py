@@ -125,6 +125,10 @@ class SignInSection(StrictModel):
         """Return whether a text has the form of a badge."""
         return re.fullmatch(self.badge_pattern, text) is not None
 
+    def knows(self, badge: str) -> bool:
+        """Return whether the station accepts a badge: one of its names or, without names, one of its form."""
+        return badge in self.names if self.names else self.is_badge(badge)
+
     def operator(self, badge: str | None) -> str:
         """Return the name of the operator with a badge, or the badge if the station lists no names.
 
@@ -132,7 +136,7 @@ class SignInSection(StrictModel):
         """
         if not badge:
             raise ConfigurationError("station.badge_missing")
-        if badge not in self.names and (self.names or not self.is_badge(badge)):
+        if not self.knows(badge):
             raise ConfigurationError("station.badge_unknown", badge=badge)
         return self.names.get(badge, badge)
 

@@ -51,6 +51,12 @@ AuditEventName = Literal[
 ]
 AUDIT_EVENTS: tuple[AuditEventName, ...] = get_args(AuditEventName)
 
+#: Events that state how the person was identified.
+_IDENTIFIED: tuple[AuditEventName, ...] = (
+    *("registers", "override", "certificate", "certificate_printed"),
+    *("standard_overridden", "attempt_allowed", "trail_restarted"),
+)
+
 
 class AuditEvent(BaseModel):
     """One line of the audit trail."""
@@ -67,6 +73,11 @@ class AuditEvent(BaseModel):
     signature: str | None = None
     previous: str
     digest: str
+
+    @property
+    def unproven(self) -> bool:
+        """Whether the person acted under a name that no PIN proved."""
+        return bool(self.by) and self.event in _IDENTIFIED and self.values.get("pin") is None
 
 
 AuditTrail = Chain[AuditEvent]

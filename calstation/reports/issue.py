@@ -11,6 +11,7 @@ from pathlib import Path
 
 from calstation import __version__
 from calstation.config import (
+    Action,
     Confirmation,
     ConfirmationRequired,
     Person,
@@ -25,7 +26,7 @@ from calstation.config import (
 )
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
-from calstation.messages import Language, os_reason
+from calstation.messages import Language, os_reason, render
 from calstation.records import (
     IssuedReport,
     Log,
@@ -140,10 +141,10 @@ def issue_state(report: ProgressCallback, result_file: Path, station: Path | Non
     request = station_request(path, config.report, result_file, language)
     result, log = read_source(request.source)
     files = _files(log.meta, request.source)
+    issued = [] if result is None else _find_issued(log, certificate_number(result))
     required = ConfirmationRequired(pin=False, badge=False, second=False)
     if files is not None:
-        required = confirmation_required("certificate", *files)
-    issued = [] if result is None else _find_issued(log, certificate_number(result))
+        required = confirmation_required("revision" if issued else "certificate", *files)
     if not issued:
         return IssueState(request, required)
     result, log = load_source(report, request.source)
@@ -170,7 +171,7 @@ class IssuedCertificate:
     report: IssuedReport
     pdf: IssuedPdf | None
     intact: bool | None = None  #: As `IssuedPdf.intact`; None without a PDF.
-    #: Names of the persons who issued it, confirmed or not by their own PINs, from the report or the audit trail.
+    #: Names of the persons who issued it, from the report or the audit trail; a name that no PIN proved says so.
     people: tuple[str, ...] = ()
 
 
@@ -188,7 +189,7 @@ def issued_certificates(
     languages: tuple[Language, ...] = (language, "zh_CN" if language == "en" else "en")
     pdfs = find_pdfs(folder, [each.identification for each in issued], languages)
     names: Mapping[str, str] = {} if config.sign_in is None else config.sign_in.names
-    people = _issuers(names)
+    people = _issuers(names, language)
     return [
         IssuedCertificate(
             each,
@@ -200,7 +201,7 @@ def issued_certificates(
     ]
 
 
-def _issuers(names: Mapping[str, str]) -> dict[tuple[object, object], tuple[str, ...]]:
+def _issuers(names: Mapping[str, str], language: Language) -> dict[tuple[object, object], tuple[str, ...]]:
     """Return who issued the certificates of the site by number and digest; `names` are those of the badges."""
     people: dict[tuple[object, object], tuple[str, ...]] = {}
     for event in site_events(site_folder()):
@@ -208,6 +209,10 @@ def _issuers(names: Mapping[str, str]) -> dict[tuple[object, object], tuple[str,
         if event.event == "certificate":
             key = event.values.get("certificate"), event.values.get("content_sha256")
             people[key] = tuple(names.get(badge, badge) for badge in badges)
+            if event.unproven:
+                people[key] = tuple(
+                    render("common.unproven", {"name": name}, language).sentences for name in people[key]
+                )
     return people
 
 
@@ -275,7 +280,7 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
         _record(log, certificate, before, record, confirmation, _digests(written))
     elif unwritten:
         by, number = "" if request.first is None else request.first.badge, certificate.identification
-        append_audit(site_folder(), "certificate_printed", by, certificate=number, files=_digests(unwritten))
+        append_audit(site_folder(), "certificate_printed", by, certificate=number, pin=None, files=_digests(unwritten))
     for path, content in unwritten.items():
         _write(path, content)
     report(1.0)
@@ -296,9 +301,10 @@ def _confirm_issue(meta: LogMeta, request: ReportRequest) -> tuple[Confirmation,
     if files is None:
         return Confirmation("" if request.first is None else request.first.badge), ()
     product, station = files
-    if request.first is None and not confirmation_required("certificate", product, station).second:
+    action: Action = "certificate" if request.revise is None else "revision"
+    if request.first is None and not confirmation_required(action, product, station).pin:
         return Confirmation(""), ()
-    confirmation = confirm("certificate", product, station, request.first or Person(""), request.second)
+    confirmation = confirm(action, product, station, request.first or Person(""), request.second)
     names: Mapping[str, str] = {} if station.sign_in is None else station.sign_in.names
     people = (confirmation.by, confirmation.confirmed_by) if confirmation.pin == "personal" else ()
     return confirmation, tuple(names.get(badge, badge) for badge in people if badge is not None)

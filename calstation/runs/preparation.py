@@ -248,7 +248,9 @@ def _check_permitted(setup: RunConfiguration, history: History) -> RunConfigurat
     setup = _check_standards(setup, history)
     if refusal is not None:
         station = setup.station.name
-        append_audit(site_folder(), "attempt_allowed", request.operator or "", station=station, **refusal.values)
+        append_audit(
+            site_folder(), "attempt_allowed", request.operator or "", station=station, pin=None, **refusal.values
+        )
     return setup
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from calstation.config import (
+    Action,
     Confirmation,
     Person,
     ProductConfig,
@@ -90,6 +91,29 @@ def test_without_required_confirmations_only_an_override_needs_a_pin() -> None:
     with raises_code(ConfigurationError, "confirmation.wrong_pin"):
         confirm("override", product(), station(), Person("wang", "999999"))
     assert confirm("override", product(), station("B0001"), LI) == Confirmation("B0001", pin="personal")
+
+
+def test_revision_requires_an_engineer_with_a_pin_where_the_station_lists_engineers() -> None:
+    needed = confirmation_required("revision", product(), station("B0001"))
+    assert (needed.pin, needed.badge, needed.second) == (True, True, False)
+    assert confirmation_required("revision", product("certificate"), station("B0001")).second
+    with raises_code(ConfigurationError, "confirmation.not_engineer"):
+        confirm("revision", product(), station("B0001"), Person("Dr A. Li", "000000"))
+    with raises_code(ConfigurationError, "confirmation.wrong_pin"):
+        confirm("revision", product(), station("B0001"), Person("B0001"))
+    assert confirm("revision", product(), station("B0001"), LI) == Confirmation("B0001", pin="personal")
+    assert confirm("revision", product(), station(), Person("Li Na")) == Confirmation("Li Na")
+
+
+@pytest.mark.parametrize("names", [{}, {"B0001": "Li Na"}])
+def test_typed_badge_must_be_one_of_the_station(names: dict[str, str]) -> None:
+    sign_in = SignInSection(badge_pattern=r"B\d{4}", names=names)
+    only_badges = station().model_copy(update={"sign_in": sign_in})
+    actions: tuple[Action, ...] = ("revision", "override")
+    for action in actions:
+        with raises_code(ConfigurationError, "confirmation.not_a_badge"):
+            confirm(action, product(), only_badges, Person("Dr A. Li", "000000"))
+        assert confirm(action, product(), only_badges, Person("B0001", "000000")).by == "B0001"
 
 
 def test_optional_pin_confirms_the_name_or_is_refused() -> None:

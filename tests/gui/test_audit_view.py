@@ -28,7 +28,7 @@ def trail(site_folder: SiteFolder) -> Path:
     """The audit trail of the site with three events."""
     home = site_folder.home
     append_audit(home, "file_saved", "Li Na", kind="products", name="nav_a", sha256="0" * 64)
-    append_audit(home, "override", "Li Na", "customer agrees", confirmed_by="Zhang Min", serial="SN-000001")
+    append_audit(home, "override", "Li Na", "customer agrees", confirmed_by="Zhang Min", serial="SN-000001", pin="site")
     append_audit(home, "pin_set", "")
     return audit_path(home)
 
@@ -51,7 +51,7 @@ def test_events_are_listed_and_filtered(page: HistoryPage, trail: Path, qtbot: Q
     table = open_trail(page, qtbot)
     assert events(table) == ["PIN set", "Failed unit released", "File saved"]
     row = [table.model().index(1, column).data() for column in range(2, 6)]
-    assert row == ["Li Na", "Zhang Min", "customer agrees", "serial number SN-000001"]
+    assert row == ["Li Na", "Zhang Min", "customer agrees", "serial number SN-000001, confirmed by site PIN"]
     person = page.audit.findChild(QComboBox, "audit_person_combo")
     person.setFocus()
     qtbot.keyClicks(person, "Zhang")
@@ -69,6 +69,26 @@ def test_events_are_listed_and_filtered(page: HistoryPage, trail: Path, qtbot: Q
     assert events(table) == ["设置密码"]
     qtbot.mouseClick(button(page, "audit_back_button"), Qt.MouseButton.LeftButton)
     assert not table.isVisible()
+
+
+@pytest.mark.parametrize(
+    ("code", "person", "hint"),
+    [
+        ("en", "Dr A. Li (not authenticated)", "No PIN proved who acted"),
+        ("zh_CN", "Dr A. Li（身份未验证）", "未经密码验证身份"),
+    ],
+)
+def test_name_without_a_pin_is_marked(
+    page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot, code: str, person: str, hint: str
+) -> None:
+    append_audit(site_folder.home, "certificate", "Dr A. Li", "typing error", certificate="N-1", pin=None)
+    append_audit(site_folder.home, "certificate", "B0001", certificate="N-2", pin="personal")
+    language.use(code)
+    model = open_trail(page, qtbot).model()
+    assert [model.index(row, 2).data() for row in range(2)] == ["B0001", person]
+    hints = [model.index(row, 5).data(Qt.ItemDataRole.ToolTipRole) for row in range(2)]
+    assert [hint in each for each in hints] == [False, True]
+    language.use("en")
 
 
 @pytest.mark.parametrize(

@@ -244,6 +244,40 @@ def test_two_engineers_confirm_a_certificate(operator: Operator) -> None:
 
 
 @pytest.mark.long
+def test_revision_is_issued_only_by_an_engineer_with_a_pin(operator: Operator) -> None:
+    use(operator, {}, sign_in=ENGINEERS)
+    access.set_pin("", "000000")
+    access.set_pin("000000", PINS["B0001"], "B0001")
+    operator.qtbot.keyClicks(operator.widget("operator_edit", QLineEdit), "B0003\r")
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    operator.until(lambda: operator.verdict)
+    operator.until_ended()
+    operator.press("certificate_button")
+    operator.until(lambda: "The certificate was issued" in operator.says())
+    operator.press("certificate_close_button")
+    operator.window.show_page("history_page")
+    operator.until(lambda: operator.widget("history_certificate_button").isVisible())
+    for badge, pin, answer in (
+        ("Dr A. Li", "111111", "Badge Dr A. Li does not belong to an engineer of this station"),
+        ("B0001", "111111", "The certificate was issued"),
+    ):
+        operator.press("history_certificate_button")
+        operator.until(lambda: "was issued on" in operator.says())
+        operator.press("certificate_revise_button")
+        fill(operator, "history_certificate_button", reason="typing error", badge=badge, pin=pin)
+        operator.press("history_certificate_button_confirm_button")
+        operator.until(lambda text=answer: text in operator.says())
+        operator.press("certificate_close_button" if badge == "B0001" else "history_notice_close")
+    events = [(each.by, each.values["pin"]) for each in events_of(operator) if each.event == "certificate"]
+    assert events == [("B0003", None), ("B0001", "personal")]
+    operator.press("history_record_button")
+    table = operator.widget("certificates_table", QTableView)
+    operator.until(lambda: table.model().rowCount() == 2)
+    assert [table.model().index(row, 3).data() for row in range(2)] == ["B0003 (not authenticated)", "B0001"]
+
+
+@pytest.mark.long
 def test_run_reports_a_missing_certificate_folder(operator: Operator) -> None:
     use(operator, {}, report={"folder": "unmounted"})
     operator.scan(SERIAL)

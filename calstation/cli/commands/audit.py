@@ -103,7 +103,7 @@ def _verified(site: SiteTrail) -> list[str]:
 
 
 def _line(each: AuditEvent) -> str:
-    people = each.by or "-"
+    people = say("common.unproven", name=each.by) if each.unproven else each.by or "-"
     if each.confirmed_by:
         people = say("cli.confirmed_by", by=people, second=each.confirmed_by)
     values = " ".join(f"{name}={value}" for name, value in each.values.items() if name not in ("sha256", "identity"))

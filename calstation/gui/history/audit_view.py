@@ -160,11 +160,13 @@ class AuditView(JobView):
 
     def _cells(self, each: AuditEvent) -> dict[str, str]:
         values = {name: value for name, value in each.values.items() if not name.endswith(_IN_HINT)}
-        lines = (local_time(each.utc, zone=True), *_value_lines(each.values))
+        lines = [local_time(each.utc, zone=True), *_value_lines(each.values)]
+        if each.unproven:
+            lines.append(say("common.unproven_hint"))
         return {
             "time": local_time(each.utc),
             "event": term("audit_event", each.event),
-            "by": each.by or say("history.audit_program"),
+            "by": say("common.unproven", name=each.by) if each.unproven else each.by or say("history.audit_program"),
             "confirmed_by": each.confirmed_by or "",
             "why": each.why,
             "values": say("common.comma").join(_value_lines(values, names_only=True)),
