@@ -279,10 +279,20 @@ class RunIndex:
         return {serial for (serial,) in rows}
 
     def attempts(self, serial: str) -> int:
-        """Return the number of runs started for a unit, also without files; a resumed run counts once."""
+        """Return the number of runs started for a unit, also without files; a resumed run counts once.
+
+        It is at least the largest attempt number of a run, because the index may have been built without some runs.
+        """
         query = sa.select(sa.func.count()).select_from(RUNS)
         query = query.where(RUNS.c.serial == serial, RUNS.c.resumed_from.is_(None))
-        return self._try(lambda connection: int(connection.execute(query).scalar_one()))
+        count = self._try(lambda connection: int(connection.execute(query).scalar_one()))
+        return max([count, *self.attempt_numbers(serial)])
+
+    def attempt_numbers(self, serial: str) -> list[int]:
+        """Return the different attempt numbers of the runs of a unit, also without files."""
+        number = sa.func.json_extract(RUNS.c.content, "$.attempt")
+        query = sa.select(number).where(RUNS.c.serial == serial).distinct()
+        return [int(row[0]) for row in self._try(lambda connection: _rows(connection, query))]
 
     def columns(self, conditions: RunFilter) -> RunColumns:
         """Return the runs that meet all conditions and have a start time, in columns."""

@@ -14,9 +14,9 @@ from calstation.jobs import ProgressCallback
 from calstation.parsing import read_json
 from calstation.records import Log, open_log
 from calstation.results import (
-    ADDED_LATER,
     Registers,
     Result,
+    altered_entry,
     difference,
     find_log,
     is_release_recorded,
@@ -78,7 +78,9 @@ def _run_result(path: Path, result: Result, log: Log) -> Result:
     stored = stored_result(log)
     if stored is None:
         raise InputError("report.no_result_in_log", file=path, log=log.path)
-    _check_content(path, log, _content(path, ADDED_LATER), log.results[-1], 0.0)
+    entry = altered_entry(_content(path, ()), log.results[-1])
+    if entry is not None:
+        raise InputError("result.altered", file=path, log=log.path, entry=entry)
     if result.override is None:
         return stored
     if not is_release_recorded(result):

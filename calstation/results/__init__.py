@@ -12,9 +12,11 @@ from calstation.results.handover import Delivery, HandOver, deliver_pending, reg
 from calstation.results.history import (
     History,
     ShiftCount,
+    check_runs,
     count_shift,
     ended_result,
     load_results,
+    number_ranges,
     refresh_history,
     shift_start,
 )

@@ -7,12 +7,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, time, timedelta
-from itertools import takewhile
+from itertools import pairwise, takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
+from calstation.messages import Text
 from calstation.parsing import read_json
 from calstation.records import (
     LATEST_FIRST,
@@ -184,14 +185,23 @@ class History:
         """Return the number of runs of the unit, also without files; a resumed run counts once."""
         return self._query(lambda: self._index.attempts(serial))
 
-    def failures(self, serial: str) -> int:
-        """Return the number of failures of the unit since it last passed; partial runs that passed do not count.
+    def absent_attempts(self, serial: str) -> list[tuple[int, int]]:
+        """Return the attempt numbers of the unit of which no run is known, as ranges: first and last."""
+        return _absent(self._query(lambda: self._index.attempt_numbers(serial)))
 
-        Runs whose files are missing count, so that deleting files does not permit further attempts.
+    def failures(self, serial: str, product: str | None) -> int:
+        """Return the number of failures of the unit as a product since it last passed; partial runs do not count.
+
+        Runs whose files are missing count, and so do later attempts of which no run is known, so that deleting files
+        and index does not permit further attempts.
         """
         verdicts = Verdict.PASSED, Verdict.FAILED
-        runs = self._query(lambda: self._index.of_unit(serial, verdicts, missing=True))
-        return sum(1 for _ in takewhile(lambda run: run.record.verdict is Verdict.FAILED, runs))
+        runs = self._query(lambda: self._index.of_unit(serial, verdicts, missing=True, product=product))
+        failed = list(takewhile(lambda run: run.record.verdict is Verdict.FAILED, runs))
+        passed = runs[len(failed)].record.attempt if len(failed) < len(runs) else 0
+        return len(failed) + sum(
+            last - max(first, passed + 1) + 1 for first, last in self.absent_attempts(serial) if last > passed
+        )
 
     def previous(
         self, serial: str, product: str | None, before: str | None = None
@@ -216,6 +226,41 @@ class History:
             self.refresh()
             result = query()
         return result
+
+
+def _absent(numbers: Iterable[int]) -> list[tuple[int, int]]:
+    known = sorted({0, *numbers})
+    return [(before + 1, after - 1) for before, after in pairwise(known) if after - before > 1]
+
+
+def number_ranges(ranges: Iterable[tuple[int, int]]) -> list[str]:
+    """Return the texts of ranges of numbers, such as ``3`` and ``5–7``."""
+    return [str(first) if first == last else f"{first}–{last}" for first, last in ranges]
+
+
+def check_runs(folder: Path) -> tuple[list[Text], list[Text]]:
+    """Return the result files in a folder that differ from their logs, and the units with missing attempts.
+
+    The index of the folder is not used, because it is not evidence.
+    """
+    faults: list[Text] = []
+    attempts: dict[str, set[int]] = {}
+    for name, stamp in sorted(_files(folder, {}).items()):
+        run = _read(folder, name, stamp)
+        if run is None:
+            continue
+        attempts.setdefault(run.record.serial, set()).add(run.record.attempt)
+        if run.record.altered and run.record.result is not None:
+            try:
+                load_run_result(run.record.result)
+            except InputError as error:
+                faults.append(error.as_text)
+    gaps = {serial: number_ranges(_absent(numbers)) for serial, numbers in sorted(attempts.items())}
+    return faults, [
+        Text.of("result.attempts_absent", folder=folder, serial=serial, numbers=numbers)
+        for serial, numbers in gaps.items()
+        if numbers
+    ]
 
 
 def refresh_history(report: ProgressCallback, folder: Path) -> int:

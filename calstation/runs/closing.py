@@ -48,7 +48,7 @@ def close_run(run: OpenRun, ended: RunEnd) -> None:
     history, log, control = run.prepared.history, run.log, run.prepared.control
     judgement = ended.judgement or judge(run.meta, run.chain.prior, ended.solutions)
     verdict = verdict_of(_ENDS[ended.state], judgement.passed, partial=judgement.partial)
-    failures = history.failures(run.serial) + (verdict is Verdict.FAILED)
+    failures = history.failures(run.serial, run.setup.product.name) + (verdict is Verdict.FAILED)
     resumable = (
         bool(ended.solutions or ended.points) and not run.registers.get("new") and latitude_agrees(judgement.checks)
     )

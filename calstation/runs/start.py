@@ -207,7 +207,7 @@ class RunStart:
 def attempts_used(setup: RunConfiguration, history: History) -> ConfigurationError | None:
     """Return the error if the attempts of a unit are used up, otherwise None; check standards have no limit."""
     serial, product = setup.request.serial, setup.product
-    failures, allowed = history.failures(serial), product.attempts_allowed
+    failures, allowed = history.failures(serial, product.name), product.attempts_allowed
     if allowed is None or failures < allowed or setup.check_standard is not None:
         return None
     return ConfigurationError(

@@ -10,7 +10,9 @@ from calstation.config import access, library, versions
 from calstation.records import AUDIT_EVENTS, append_audit, audit_path
 from calstation.results import History
 from tests.dead_logs import write_dead_log
+from tests.helpers import write_log_of
 from tests.issued_records import issue_in_records, remove_trail
+from tests.results.test_history import write
 
 SHIPPED = (library.shipped_folder() / "products" / "nav_a.toml").read_text("utf-8")
 
@@ -168,3 +170,29 @@ def test_runs_whose_files_are_missing_are_named_by_every_verification(
     assert f"unreadable: 2 ({certified.stem}, {indexed.stem})." in calstation("check", runs).out
     (runs / "history.sqlite").unlink()
     assert f"unreadable: 1 ({certified.stem})." in calstation("check", runs).out
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_check_reports_a_result_that_differs_from_its_log(
+    calstation, home: Path, monkeypatch: pytest.MonkeyPatch, named: bool
+) -> None:
+    monkeypatch.chdir(home)
+    runs = home / "runs"
+    runs.mkdir()
+    write_log_of(write(runs, "a", "SN-1", "failed", 1))
+    command = ("check", runs) if named else ("check",)
+    assert calstation(*command).code == 0
+    changed = write(runs, "a", "SN-1", "passed", 1)
+    done = calstation(*command)
+    assert (done.code, "a.json was changed: it differs from the result in its log" in done.out) == (2, True)
+    assert "Restore the file from a backup." in done.out
+    changed.unlink()
+    assert calstation(*command).code == 0
+
+
+def test_check_reports_attempts_without_a_run(calstation, home: Path) -> None:
+    runs = home / "runs"
+    runs.mkdir()
+    write(runs, "a", "SN-1", "failed", 1, attempt=3)
+    done = calstation("check", runs)
+    assert (done.code, "no run of unit SN-1 has attempt number 1–2" in done.out) == (0, True)

@@ -421,3 +421,16 @@ def test_units_of_a_batch_are_listed_together(page: HistoryPage, folder: Path, q
     qtbot.mouseClick(button(page, "history_batch_button"), Qt.MouseButton.LeftButton)
     qtbot.waitUntil(lambda: len(rows(page)) == 2, timeout=WAIT)
     assert {serial for serial, _ in rows(page)} == {"SN-00000A", "SN-00000B"}
+
+
+@pytest.mark.parametrize(("code", "name"), [("en", "Attempts without a run"), ("zh_CN", "缺少记录的次数")])
+def test_details_name_the_attempts_without_a_run(
+    page: HistoryPage, folder: Path, qtbot: QtBot, code: str, name: str
+) -> None:
+    write_run(folder, "SN-000001", "failed", timedelta(hours=2), attempt=4)
+    language.use(code)
+    listed_runs(page, qtbot)
+    qtbot.waitUntil(lambda: "1–3" in visible_texts(page), timeout=WAIT)
+    texts = visible_texts(page)
+    assert texts[texts.index("1–3") - 1] == name
+    language.use("en")

@@ -29,7 +29,7 @@ WITHOUT_EFFECT = {
     "solved_again": ("log.file", "details.", "observability."),
 }
 #: Errors of a file that was changed.
-REFUSED = {"report.other_result", "report.other_log", "report.release_unknown", "report.untested"} | {
+REFUSED = {"report.other_result", "result.altered", "report.other_log", "report.release_unknown", "report.untested"} | {
     "report.solved_by_other_version",
     "result.not_a_result",
 }

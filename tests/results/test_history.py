@@ -15,7 +15,7 @@ from helpers import ignore_progress
 from calstation.errors import InputError
 from calstation.records import CheckId, IndexedRun, LogMeta, RawLogWriter, RunFilter, RunIndex, Verdict, acquire_lock
 from calstation.records.run_index import FILE
-from calstation.results import History, altered_entry, refresh_history
+from calstation.results import History, altered_entry, check_runs, refresh_history
 from calstation.results import history as history_module
 from calstation.runs import find_resumable, recover_at_startup
 from tests.check_rows import check_row
@@ -105,7 +105,7 @@ def test_passed_partial_run_does_not_count_as_a_pass(three: Path) -> None:
     assert passed is not None
     assert passed.log.stem == "b"
     assert history.passed_before("SN-2") is None
-    assert history.failures("SN-1") == 2
+    assert history.failures("SN-1", "Navigation grade A") == 2
     assert [run.log.stem for run in history.runs(RunFilter(verdict="passed"))] == ["b"]
     assert [run.log.stem for run in history.runs(RunFilter(verdict="partial"))] == ["p", "n5"]
     assert [run.verdict for run in history.runs(RunFilter("SN-2"))] == ["partial", "stopped"]
@@ -118,10 +118,33 @@ def test_resumed_run_counts_once(three: Path) -> None:
 
 
 def test_failures_are_counted_since_the_last_pass(three: Path) -> None:
-    assert refreshed(three).failures("SN-1") == 0
+    assert refreshed(three).failures("SN-1", "Navigation grade A") == 0
     for day, outcome in ((4, "failed"), (5, "stopped"), (6, "failed")):
         write(three, f"n{day}", "SN-1", outcome, day)
-    assert refreshed(three).failures("SN-1") == 2
+    assert refreshed(three).failures("SN-1", "Navigation grade A") == 2
+
+
+def test_failures_are_counted_per_product(three: Path) -> None:
+    write(three, "n4", "SN-1", "failed", 4)
+    write(three, "n5", "SN-1", "passed", 5, product="MEMS grade C")
+    history = refreshed(three)
+    assert (history.failures("SN-1", "Navigation grade A"), history.failures("SN-1", "MEMS grade C")) == (1, 0)
+
+
+def test_deleting_a_run_and_the_index_permits_no_further_attempt(tmp_path: Path) -> None:
+    for day in (1, 2, 3):
+        write(tmp_path, f"n{day}", "SN-1", "failed", day, attempt=day)
+    for name in ("n1.json", "n2.json"):
+        (tmp_path / name).unlink()
+    assert not (tmp_path / FILE).exists()
+    history = refreshed(tmp_path)
+    assert (history.attempts("SN-1"), history.failures("SN-1", "Navigation grade A")) == (3, 3)
+    assert history.absent_attempts("SN-1") == [(1, 2)]
+    faults, gaps = check_runs(tmp_path)
+    assert (faults, gaps[0].code, gaps[0].values["numbers"]) == ([], "result.attempts_absent", ["1–2"])
+    write(tmp_path, "n4", "SN-1", "passed", 4, attempt=4)
+    history.refresh()
+    assert history.failures("SN-1", "Navigation grade A") == 0, "attempts before the last pass do not count"
 
 
 def previous_values(
@@ -158,12 +181,12 @@ def test_runs_without_files_are_attempts_and_failures(three: Path) -> None:
     for day in (4, 5):
         write(three, f"n{day}", "SN-1", "failed", day)
     history = refreshed(three)
-    assert (history.attempts("SN-1"), history.failures("SN-1")) == (4, 2)
+    assert (history.attempts("SN-1"), history.failures("SN-1", "Navigation grade A")) == (4, 2)
     for name in ("n4", "n5", "b"):
         (three / f"{name}.json").unlink()
     history = refreshed(three)
     assert [run.badge for run in history.runs(RunFilter("SN-1", missing=True))] == ["missing"] * 3
-    assert (history.attempts("SN-1"), history.failures("SN-1")) == (4, 2)
+    assert (history.attempts("SN-1"), history.failures("SN-1", "Navigation grade A")) == (4, 2)
     passed = history.passed_before("SN-1")
     assert passed is not None
     assert passed.missing
@@ -198,10 +221,16 @@ def test_edited_result_does_not_turn_a_failure_into_a_pass(tmp_path: Path, log: 
         assert run.badge == "passed"
         return
     assert (run.badge, run.verdict, run.serial, run.attempt) == ("altered", "failed", "SN-1", 1)
-    assert (history.attempts("SN-1"), history.attempts("SN-2"), history.failures("SN-1")) == (1, 0, 1)
+    assert (history.attempts("SN-1"), history.attempts("SN-2"), history.failures("SN-1", "Navigation grade A")) == (
+        1,
+        0,
+        1,
+    )
     if log == "beside":
         with raises_code(InputError, "result.altered"):
             history.result(run)
+        faults, gaps = check_runs(tmp_path)
+        assert ([each.code for each in faults], gaps) == (["result.altered"], [])
 
 
 def test_edited_result_stays_altered_after_its_log_has_been_removed(tmp_path: Path) -> None:
@@ -452,7 +481,7 @@ def test_runs_count_for_all_stations_but_resume_only_where_the_log_is(three: Pat
     )
     RunIndex(three).receive([IndexedRun("far", "", there, {"gyro_bias_x": 7.0}, {})], "db", 1)
     assert history.refresh() == 0
-    assert (history.attempts("SN-1"), history.failures("SN-1")) == (3, 1)
+    assert (history.attempts("SN-1"), history.failures("SN-1", "Navigation grade A")) == (3, 1)
     assert previous_values(history)["gyro_bias_x"] == 7.0
     assert [run.station for run in history.of("SN-1")] == ["bench 2", "bench 1", "bench 1"]
     with raises_code(InputError, "result.elsewhere"):

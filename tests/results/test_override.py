@@ -62,7 +62,7 @@ def test_release_is_recorded_in_result_index_and_audit_trail(home: Path, failed:
     history.refresh()
     (run,) = history.runs(RunFilter(verdict="failed"))
     assert (run.verdict, run.released) == ("failed", True)
-    assert history.failures("SN-1") == 1
+    assert history.failures("SN-1", run.product) == 1
     event = read_audit(audit_path(home)).entries[-1]
     assert (event.event, event.by, event.confirmed_by, event.why) == (
         "override", "B0001", "B0002", "scratched label only",

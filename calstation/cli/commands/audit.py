@@ -1,5 +1,6 @@
 """`audit`: lists, filters and verifies the audit trail of the site."""
 
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,6 +23,7 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.messages import local_time
 from calstation.records import AUDIT_EVENTS, AuditEvent, audit_path, select_audit
 from calstation.reports import CertificateState, read_verified_trail, stamp_trail, verify_time_stamp
+from calstation.results import check_runs
 from calstation.validation import validation_due
 
 app = command_group()
@@ -74,6 +76,10 @@ def check_audit(file: Path | None, json: str | None) -> int:
     Raises InputError if `file` is missing.
     """
     path, site = _read(file)
+    if file is None:
+        faults, gaps = check_runs(Path("runs"))
+        state = (*site.state, *faults, *gaps)
+        site = replace(site, state=state, faults=(*site.faults, *faults), cautions=(*site.cautions, *gaps))
     due = validation_due() if file is None else None
     row = {**_row(path, site, []), **({"validation_due": sentence(due)} if due is not None else {})}
     emit(row, json, [*_verified(site), *([sentence(due)] if due is not None else [])])

@@ -19,8 +19,8 @@ from calstation.connection import station_conflicts
 from calstation.errors import ConfigurationError
 from calstation.quality import due_certificates
 from calstation.records import log_format
-from calstation.reports import verify_certificate, verify_reports, verify_time_stamp
-from calstation.results import Inspection, inspect_recording
+from calstation.reports import CertificateState, verify_certificate, verify_reports, verify_time_stamp
+from calstation.results import Inspection, check_runs, inspect_recording
 from calstation.schema import Problem
 
 app = command_group()
@@ -43,7 +43,8 @@ def check(
     if file.suffix == ".tst":
         return show_evidence(file, verify_time_stamp(file), json)
     if file.name == "reports.jsonl" or file.is_dir():
-        return show_evidence(file, verify_reports(file if file.is_dir() else file.parent), json)
+        folder = file if file.is_dir() else file.parent
+        return show_evidence(file, _with_runs(folder, verify_reports(folder)), json)
     if log_format(file) is not None:
         return show_recording(file, inspect_recording(file), json)
     path = library.locate_any(file)
@@ -63,6 +64,12 @@ def check(
     row = {"file": str(path), "kind": kind, "problems": rows}
     emit({**row, "overdue": certificates} if certificates else row, json, lines or valid)
     return ConfigurationError.exit_code if problems else 0
+
+
+def _with_runs(folder: Path, state: CertificateState) -> CertificateState:
+    """Add what contradicts the runs of a folder to what the verification of its record of reports has found."""
+    faults, gaps = check_runs(folder)
+    return CertificateState((*state.findings, *faults, *gaps), state.intact and not faults)
 
 
 def show_recording(path: Path, recording: Inspection, json: str | None) -> int:

@@ -53,7 +53,7 @@ from calstation.gui.widgets import (
 from calstation.messages import local_time
 from calstation.physics import display
 from calstation.records import IndexedRun, ResolveRecord, RunRecord, Verdict
-from calstation.results import Result
+from calstation.results import Result, number_ranges
 
 #: Maximum number of runs in the trend.
 MAX_TREND = 30
@@ -178,7 +178,8 @@ class RunDetails(QFrame):
         self._result: Result | None = None
         self._actions = Actions()
         #: Arguments of the last `show_run`.
-        self._shown: tuple[RunRecord, Result | None, tuple[IndexedRun, ...]] | None = None
+        self._shown: tuple[object, ...] | None = None
+        self._absent: Sequence[tuple[int, int]] = ()
         self._serial = label()
         self._serial.setFont(theme.font(theme.SECTION, bold=True))
         self.badge = StateBadge(theme.SECTION)
@@ -216,15 +217,23 @@ class RunDetails(QFrame):
         return self._result is not None and bool(self._result.parameters)
 
     def show_run(
-        self, run: RunRecord, result: Result | None, unit_runs: Sequence[IndexedRun], actions: Actions
+        self,
+        run: RunRecord,
+        result: Result | None,
+        unit_runs: Sequence[IndexedRun],
+        actions: Actions,
+        absent: Sequence[tuple[int, int]] = (),
     ) -> None:
-        """Show a run, its result, the solved runs of its unit (the oldest first), and the possible actions."""
-        shown = run, result, tuple(unit_runs)
+        """Show a run, its result, the solved runs of its unit (the oldest first), and the possible actions.
+
+        `absent` are the ranges of the attempt numbers of the unit of which no run is known.
+        """
+        shown = run, result, tuple(unit_runs), tuple(absent)
         if shown == self._shown:
             self.set_actions(actions)
             return
         self._shown = shown
-        self._run, self._result, self._actions = run, result, actions
+        self._run, self._result, self._actions, self._absent = run, result, actions, absent
         set_subject(self, run.serial)
         self._release.offer(result, run.result)
         self._offer_documents()
@@ -342,6 +351,7 @@ class RunDetails(QFrame):
             ("common.cycle", self._cycle_text()),
             ("common.product", product_text(run.product or "")),
             ("history.attempt", str(run.attempt)),
+            ("history.attempts_absent", say("common.comma").join(number_ranges(self._absent))),
             ("common.station", station_text(run.station or "")),
             ("common.operator", run.operator),
             ("history.batch", run.batch),

@@ -220,7 +220,8 @@ class HistoryPage(Page):
         self.details.setVisible(run is not None)
         if run is not None:
             result, unit_runs = self._result(run), self._history().solved(run.serial, run.product, MAX_TREND)
-            self.details.show_run(run, result, unit_runs, self._actions())
+            absent = self._history().absent_attempts(run.serial)
+            self.details.show_run(run, result, unit_runs, self._actions(), absent)
             try:
                 self.details.resolves.show_records(self._history().resolves(run.log), None)
             except InputError as error:
