@@ -88,6 +88,25 @@ def test_check_reports_the_first_modified_line(calstation, home: Path) -> None:
     assert calstation("audit").code == 2
 
 
+def test_lines_of_a_changed_trail_are_marked(calstation, home: Path) -> None:
+    for person in ("wang", "li", "zhao"):
+        append_audit(home, "pin_changed", person)
+    path = audit_path(home)
+    content = path.read_bytes()
+    path.write_bytes(content.replace(b'"li"', b'"xu"'))
+    for command in (("audit",), ("check",)):
+        assert calstation(*command).code == 2
+    first, second, third, *_ = calstation("audit").out.splitlines()
+    assert "(wang)" in first
+    assert "not proved" not in first
+    assert second.startswith("line 2, CHANGED: {")
+    assert '"by": "xu"' in second
+    assert third.startswith("line 3, not proved: ")
+    path.write_bytes(b"\n".join(content.split(b"\n")[:1]) + b"\n")
+    for command in (("audit",), ("check",)):
+        assert calstation(*command).code == 2, "the end was cut off"
+
+
 def test_check_compares_the_files_of_certificates(calstation, home: Path) -> None:
     runs, pdf = home / "runs", home / "certificates" / "N-1.pdf"
     pdf.parent.mkdir()
@@ -102,7 +121,8 @@ def test_check_compares_the_files_of_certificates(calstation, home: Path) -> Non
     assert not calstation("check", "--json", "-").json["intact"]
     pdf.unlink()
     done = calstation("check")
-    assert (done.code, "not compared: 1 (N-1.pdf)." in done.out) == (0, True)
+    assert (done.code, "not compared: 1 (N-1.pdf)." in done.out) == (2, True), "not everything was verified"
+    assert calstation("audit").code == 2
 
 
 def test_check_compares_certificates_in_the_folder_for_reports_of_a_station(calstation, home: Path) -> None:

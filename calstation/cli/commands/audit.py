@@ -1,5 +1,6 @@
 """`audit`: lists, filters and verifies the audit trail of the site."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -15,13 +16,14 @@ from calstation.config import (
     SiteTrail,
     access,
     computer_user,
+    plain_text,
     read_trail_copy,
     restart_site_trail,
     site_folder,
 )
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import local_time
-from calstation.records import AUDIT_EVENTS, AuditEvent, audit_path, select_audit
+from calstation.records import AUDIT_EVENTS, AuditEvent, AuditTrail, audit_path, select_audit
 from calstation.reports import CertificateState, read_verified_trail, stamp_trail, verify_time_stamp
 from calstation.results import check_runs
 from calstation.validation import validation_due
@@ -41,7 +43,7 @@ def audit(
 ) -> int:
     """List the events of an audit trail, filtered by event, person and first day (UTC), or begin or time-stamp one.
 
-    The default is the audit trail of the site. Returns the exit code of an input error if the trail was changed.
+    The default is the audit trail of the site. Returns the exit code of an input error unless all was verified.
     Raises InputError if `file` is missing, or ConfigurationError for an unknown event.
     """
     try:
@@ -59,8 +61,13 @@ def audit(
     names = dict.fromkeys((*AUDIT_EVENTS, *(e.event for e in site.trail.entries)))  # includes events of later versions
     check_choice("--event", event, tuple(names))
     events = select_audit(site.trail.entries, event, by, first)
-    emit(_row(path, site, events), json, [*map(_line, events), *_verified(site)])
-    return 0 if site.intact else InputError.exit_code
+    emit(_row(path, site, events), json, [*_lines(path, site.trail, events), *_verified(site)])
+    return _exit_code(site)
+
+
+def _exit_code(site: SiteTrail) -> int:
+    """Return 0 only if everything was verified: a file that is missing proves nothing."""
+    return InputError.exit_code if site.faults or site.cautions else 0
 
 
 def show_evidence(file: Path, state: CertificateState, json: str | None) -> int:
@@ -78,12 +85,12 @@ def check_audit(file: Path | None, json: str | None) -> int:
     path, site = _read(file)
     if file is None:
         faults, gaps = check_runs(Path("runs"))
-        state = (*site.state, *faults, *gaps)
-        site = replace(site, state=state, faults=(*site.faults, *faults), cautions=(*site.cautions, *gaps))
+        # a gap is no fault, because the run may have been done at another station
+        site = replace(site, state=(*site.state, *faults, *gaps), faults=(*site.faults, *faults))
     due = validation_due() if file is None else None
     row = {**_row(path, site, []), **({"validation_due": sentence(due)} if due is not None else {})}
     emit(row, json, [*_verified(site), *([sentence(due)] if due is not None else [])])
-    return 0 if site.intact else InputError.exit_code
+    return _exit_code(site)
 
 
 def _read(file: Path | None) -> tuple[Path, SiteTrail]:
@@ -106,6 +113,28 @@ def _row(path: Path, site: SiteTrail, events: list[AuditEvent]) -> dict[str, Any
 
 def _verified(site: SiteTrail) -> list[str]:
     return [say(each.code, **each.values) for each in site.state]
+
+
+def _lines(path: Path, trail: AuditTrail, events: list[AuditEvent]) -> Iterator[str]:
+    """Yield the lines of events; of a changed trail also those that are no events, and marks from its first damage."""
+    if trail.damage is None:
+        yield from map(_line, events)
+        return
+    chosen = {id(each) for each in events}
+    content = path.read_bytes().split(b"\n")
+    texts = {
+        number: plain_text(line.decode(errors="replace"))
+        for number, line in enumerate(content[: len(trail.digests)], 1)
+        if number not in trail.numbers and number not in trail.incomplete
+    }
+    changed = {trail.damage.number, *texts}
+    numbered = zip(trail.numbers, trail.entries, strict=True)
+    texts |= {number: _line(each) for number, each in numbered if id(each) in chosen}
+    for number, text in sorted(texts.items()):
+        if number in changed:
+            yield say("cli.audit_line_changed", line=number, text=text)
+        else:
+            yield text if number < trail.damage.number else say("cli.audit_line_unproved", line=number, text=text)
 
 
 def _line(each: AuditEvent) -> str:
