@@ -121,6 +121,32 @@ def test_table_counts_the_runs_that_signal(operator: Operator, page: QualityPage
 
 
 @pytest.mark.parametrize(
+    ("code", "note"),
+    [
+        ("en", "{} of them signal only in the chart {}, which is not shown."),
+        ("zh_CN", "其中{}次仅在未显示的{}图中报警。"),
+    ],
+)
+def test_note_says_how_many_signals_are_in_the_chart_that_is_not_shown(
+    operator: Operator, page: QualityPage, code: str, note: str
+) -> None:
+    language.use(code)
+    said = 0
+    for line in range(len(cells(operator, "quality_quantities_table"))):
+        click_row(operator, "quality_quantities_table", line)
+        for index, hidden in enumerate(("cusum", "ewma")):
+            choose(operator, "quality_slow_combo", index)
+            signals = page.control._signals
+            others = {int(run) for name, runs in signals.items() if name != hidden for run in runs}
+            count = len({int(run) for run in signals[hidden]} - others)
+            shown = operator.widget("quality_signals_label", QLabel).text()
+            assert (note.format(count, hidden.upper()) in shown) == bool(count)
+            said += bool(count)
+    assert said, "the runs signal in one of the charts only"
+    language.use("en")
+
+
+@pytest.mark.parametrize(
     ("code", "title", "longer"), [("en", "3 of 10 runs", "longer time"), ("zh_CN", "已有3次，需要10次", "更长的时间")]
 )
 def test_number_of_runs_is_stated_until_a_chart_is_possible(

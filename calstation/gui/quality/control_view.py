@@ -44,7 +44,7 @@ class ControlView(QWidget):
         self._relative = False
         self.plots = ControlCharts()
         self._slow = combo_box("quality_slow_combo", {"ewma": "quality.ewma", "cusum": "quality.cusum"})
-        self._slow.currentIndexChanged.connect(lambda _: self.plots.show_slow(self._slow.currentData()))
+        self._slow.currentIndexChanged.connect(lambda _: self._choose_slow())
         self.quantities = CellTable("quality_quantities_table", "quality.quantities", _QUANTITIES, single=True)
         self.signals = CellTable("quality_signals_table", "quality.signalling_runs", _SIGNALS, named=False, single=True)
         for table in (self.quantities, self.signals):
@@ -93,8 +93,25 @@ class ControlView(QWidget):
         latest = runs[::-1][:_MAX_LISTED].tolist()
         words = {signal: (say(f"chart.{signal}_short"), say(f"chart.{signal}")) for signal in self._signals}
         self.signals.show_cells({str(index): self._signal_cells(parameter, index, words) for index in latest})
+        self._show_note()
+
+    def _choose_slow(self) -> None:
+        self.plots.show_slow(self._slow.currentData())
+        self._show_note()
+
+    def _show_note(self) -> None:
+        """Show how many runs signal, and how many of them only in the chart of slow changes that is not shown."""
+        parameter = self._charts.get(self.quantities.current_name)
+        if parameter is None:
+            return
+        hidden = "cusum" if self._slow.currentData() == "ewma" else "ewma"
+        runs = np.unique(np.concatenate([*self._signals.values()]))
+        shown = np.unique(np.concatenate([each for name, each in self._signals.items() if name != hidden]))
         code = "chart.signals" if len(runs) else "chart.no_signals"
-        self.note.setText(say(code, count=len(runs), total=len(parameter.names)))
+        note = say(code, count=len(runs), total=len(parameter.names))
+        if count := len(runs) - len(shown):
+            note += "\n" + say("chart.signals_hidden", count=count, chart=say(f"quality.{hidden}"))
+        self.note.setText(note)
 
     def _signal_cells(
         self, parameter: ParameterQuality, index: int, words: dict[str, tuple[str, str]]
