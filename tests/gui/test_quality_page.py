@@ -230,6 +230,12 @@ def test_study_shows_every_column_and_explains_a_verdict_without_a_tick(operator
         reasons = {each.data(Qt.ItemDataRole.UserRole): each.data(Qt.ItemDataRole.ToolTipRole) for each in verdicts}
         assert reason in reasons["caution"]
         assert not reasons["good"]
+        columns = range(table.model().columnCount())
+        of_row = next(each.row() for each in verdicts if each.data(Qt.ItemDataRole.UserRole) == "caution")
+        tips = [table.model().index(of_row, k).data(Qt.ItemDataRole.ToolTipRole) for k in columns]
+        assert all(reason in str(tip) for tip in tips), "in the whole row"
+        note = operator.widget("study_choices_label", QLabel).text()
+        assert ("only the runs of Cpk" if code == "en" else "仅用于选择计算 Cpk") in note
 
 
 @pytest.mark.long

@@ -19,6 +19,7 @@ from calstation.gui.widgets import (
     Cell,
     CellTable,
     CountEdit,
+    ElidedLabel,
     EmptyState,
     StateBadge,
     ViewTabs,
@@ -60,10 +61,10 @@ _ORDER = (
 )
 _OVERVIEW = (
     Cell("common.verdict", "verdict", number=False, state="kind", hint="hint"),
-    Cell("quality.of_tolerance", "tolerance"),
-    Cell("quality.of_study", "study"),
-    Cell("quality.distinct_categories", "categories"),
-    Cell("quality.cpk", "cpk", state="cpk_kind"),
+    Cell("quality.of_tolerance", "tolerance", hint="hint"),
+    Cell("quality.of_study", "study", hint="hint"),
+    Cell("quality.distinct_categories", "categories", hint="hint"),
+    Cell("quality.cpk", "cpk", state="cpk_kind", hint="hint"),
 )
 _COMPONENTS = (
     Cell("quality.variation", "name", number=False),
@@ -96,6 +97,8 @@ class StudyView(QWidget):
         )
         self.overview.selectionModel().currentRowChanged.connect(lambda *_: self._show_study())
         self._plan_label = label(kind="muted", name="study_plan_label")
+        self._choices_label = ElidedLabel("muted")
+        self._choices_label.setObjectName("study_choices_label")
         self._problem = label(kind="error", name="study_problem_label", wrap=True)
         self.form = PlanForm(product, self._ask_plan_file)
         self.form.hide()
@@ -118,7 +121,7 @@ class StudyView(QWidget):
         open_button = button("study_open_button", "quality.open_plan", self._open)
         new_button = button("study_new_button", "quality.new_plan", self.form.show)
         column(
-            row(open_button, new_button, (self._plan_label, 1)),
+            row(open_button, new_button, self._plan_label, (self._choices_label, 1)),
             self.form,
             self._problem,
             (self._stack, 1),
@@ -169,6 +172,7 @@ class StudyView(QWidget):
         state = self._state
         show_text(self._problem, "" if self._error is None else say(self._error.as_text))
         self._plan_label.setText("" if self._path is None else self._path.name)
+        self._choices_label.setText("" if self._path is None else say("quality.study_and_choices"))
         if state is None:
             self._empty.say("gauge.no_plan", "gauge.about")
             self._stack.setCurrentWidget(self._empty)
