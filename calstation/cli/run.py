@@ -18,7 +18,7 @@ from rich.table import Table
 from calstation.cli.confirmation import confirm_override
 from calstation.cli.errors import command_options, complete_commands, print_error, station_options
 from calstation.cli.process import interruption
-from calstation.cli.show import emit_json, on_line, plain_console, result_table, show_line
+from calstation.cli.show import emit_json, hand_notes, on_line, plain_console, result_table, show_line
 from calstation.cli.text import say, sentence, term
 from calstation.config import RegisterOperation, RunRequest, load_station, with_product
 from calstation.database import Claim, start_exchange
@@ -241,6 +241,8 @@ def _show_run(run: Finalized, json: str | None, request: RunRequest) -> None:
     if json != "-":
         result_table(console, result)
     show_line(console, f"{result.serial}: {sentence(outcome_text(result))}")
+    for note in hand_notes(result):
+        show_line(console, note)
     if result.cycle:
         show_line(console, _cycle_line(result.cycle_seconds))
     show_line(console, say("cli.log_file", file=run.log))
@@ -288,6 +290,7 @@ def _failure_reason(result: Result) -> str:
         parts = [term("reason", result.stop_reason or "operator")]
     if result.registers is not None and result.registers.new is not None and not result.verified:
         parts.append(say("cli.not_verified"))
+    parts += hand_notes(result)
     return "; ".join(filter(None, parts))
 
 

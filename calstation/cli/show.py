@@ -23,6 +23,7 @@ from calstation.jobs import ProgressCallback
 from calstation.judgement import Check
 from calstation.messages import Text, known
 from calstation.physics import DEGREE, display, display_by_unit, number, unit_of_parameter
+from calstation.records import Verdict
 from calstation.results import PositionResidual, Result, write_json
 
 #: Mark of a rest or move by its state: "!" for notable residuals, "!!" for residuals that contradict the model.
@@ -246,3 +247,12 @@ def _verdict_text(unobservable: bool, checks: list[Check]) -> str:
     if not checks:
         return ""
     return say("cli.verdict_ok" if all(check.passed for check in checks) else "cli.verdict_outside")
+
+
+def hand_notes(result: Result) -> list[str]:
+    """Return a note on the stages that the operator ended, and the remedy for a failed unit."""
+    if not result.ended_by_hand:
+        return []
+    note = say("advice.ended_by_hand", stages=result.ended_by_hand)
+    in_full = result.verdict is Verdict.FAILED and result.advice == "repeat"
+    return [note, say("advice.repeat_in_full")] if in_full else [note]

@@ -225,10 +225,20 @@ def verdict_of(end: End, passed: bool | None, *, partial: bool) -> Verdict:
     return Verdict.PARTIAL if partial else Verdict.PASSED
 
 
-def advice(product: ProductConfig, verdict: Verdict, failures: int, *, resumable: bool) -> str | None:
+def advice(
+    product: ProductConfig, verdict: Verdict, failures: int, *, resumable: bool, shortened: bool = False
+) -> str | None:
     """Return the recommended action: ``reseat``, ``repeat``, ``set_aside`` or ``resume``; None for a unit that passed.
 
-    `failures` is the number of consecutive failed runs, including this one.
+    A run that the operator `shortened` by ending a stage is repeated in full, as long as attempts are allowed.
+
+    Parameters
+    ----------
+    product : product with its actions and number of attempts
+    verdict : verdict of the run
+    failures : number of consecutive failed runs, including this one
+    resumable : whether a run that was not completed can be resumed
+    shortened : whether the operator ended a solved stage before its schedule did
     """
     if verdict.passed:
         return None
@@ -236,4 +246,6 @@ def advice(product: ProductConfig, verdict: Verdict, failures: int, *, resumable
         return "resume" if resumable else "repeat"
     if product.attempts_allowed is not None and failures >= product.attempts_allowed:
         return "set_aside"
+    if shortened:
+        return "repeat"
     return product.advice[min(failures, len(product.advice)) - 1]

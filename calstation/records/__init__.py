@@ -94,6 +94,7 @@ from calstation.records.product import (
 )
 from calstation.records.raw_log import RESERVED_SPACE, SUFFIX, RawLogWriter, write_log
 from calstation.records.raw_read import (
+    END_BY_OPERATOR,
     END_FAILING,
     being_written,
     can_be_resumed,
@@ -101,6 +102,7 @@ from calstation.records.raw_read import (
     last_result,
     raw_rows,
     solved_stages,
+    stages_ended_by_hand,
     step_labels,
     unsolved_stages,
 )

@@ -167,6 +167,7 @@ class RawLogWriter:
         self._stages: dict[str, int] = {}
         self._stage = ""
         self._rows: list[np.ndarray] = []
+        self.stage_ends: list[Mapping[str, Any]] = []  #: Events of the ends of stages.
         self._lines: dict[str, list[str]] = {name: [] for name in TEXTS}
         self._flushed_at = self._synced_at = time.monotonic()
         self._failed = self._warned = False
@@ -221,6 +222,8 @@ class RawLogWriter:
     def event(self, event: Mapping[str, Any]) -> None:
         """Append an event given as JSON data; if the disk is full, `close` writes it."""
         self._write_line("events", event)
+        if event.get("event") == "StageEnded":
+            self.stage_ends.append(event)
         self.service()
 
     def add_result(self, result: Mapping[str, Any]) -> None:

@@ -26,6 +26,8 @@ from calstation.records.superblock import SUPERBLOCK, AsClosed, is_unclosed, sup
 
 #: Reason for the end of a stage that is not solved, because the units fail without it.
 END_FAILING = "failing"
+#: Reason for the end of a stage that the operator ended.
+END_BY_OPERATOR = "operator"
 
 _READ_ROWS = 16 * CHUNK_ROWS
 #: Exceptions that h5py raises for a damaged file.
@@ -113,6 +115,22 @@ def unsolved_stages(events: Iterable[Mapping[str, Any]]) -> frozenset[str]:
     """Return the stages that the run ended without solving them, because the unit failed without them."""
     ends = (event for event in events if event.get("event") == "StageEnded" and event.get("reason") == END_FAILING)
     return frozenset(event["stage"] for event in ends)
+
+
+def stages_ended_by_hand(
+    events: Iterable[Mapping[str, Any]], schedules: Mapping[str, Mapping[str, Any]]
+) -> tuple[str, ...]:
+    """Return the stages that the operator ended before their schedules did, in order.
+
+    A schedule without a number of rounds, duration and targets has no end of its own.
+    """
+    ends = (event for event in events if event.get("event") == "StageEnded" and event.get("reason") == END_BY_OPERATOR)
+    schedule_of = {event["stage"]: schedules.get(event["stage"], {}) for event in ends}
+    return tuple(
+        stage
+        for stage, schedule in schedule_of.items()
+        if "rounds" not in schedule or any(schedule.get(name) for name in ("rounds", "duration_s", "targets"))
+    )
 
 
 def step_labels(events: Iterable[Mapping[str, Any]]) -> dict[int, tuple[str | float, ...]]:

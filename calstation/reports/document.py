@@ -317,6 +317,7 @@ class _Document:
         names = set(method(stage).estimates(context_from_meta(self._meta)))
         code = f"certificate.stage_{stage}"
         tested = consistency is not None and consistency.passed is not None
+        by_hand = (Text("certificate.stage_ended_by_hand"),) * (stage in self._result.ended_by_hand)
         return {
             "name": self._stage_name(stage),
             "text": self._say(Text(code)) if known(code) else "",
@@ -328,7 +329,10 @@ class _Document:
             else NONE,
             "schedule": [
                 self._in_certificate_terms(entry)
-                for entry in schedule_words(stage, self._meta.schedule.get(stage, {}), self._language)
+                for entry in (
+                    *schedule_words(stage, self._meta.schedule.get(stage, {}), self._language),
+                    *map(self._say, by_hand),
+                )
             ],
         }
 

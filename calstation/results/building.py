@@ -47,6 +47,7 @@ class Ending:
     ended_utc: str | None = None  #: Time of the verdict on a run, ISO 8601.
     table: Mapping[str, TableQuantity] | None = None  #: Geometry of the table, see `StageChain.table`.
     solved_again: bool = False  #: Whether a log was solved again.
+    ended_by_hand: Sequence[str] = ()  #: Stages of the log, see `calstation.records.stages_ended_by_hand`.
 
 
 def build_result(
@@ -76,6 +77,7 @@ def build_result(
             None,
         ),
         "check_standard": judgement.standard,
+        "ended_by_hand": [stage for stage in ending.finished_stages or stages if stage in ending.ended_by_hand] or None,
     }
     tests = {
         "conformity": judgement.conformity,

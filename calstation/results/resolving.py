@@ -36,6 +36,7 @@ from calstation.records import (
     open_log,
     resolve_file,
     solved_stages,
+    stages_ended_by_hand,
     step_labels,
     unsolved_stages,
 )
@@ -149,6 +150,7 @@ def resolve_log(
         last_seq=last_seq,
         table=table,
         solved_again=True,
+        ended_by_hand=stages_ended_by_hand(log.events, meta.schedule),
     )
     result = build_result(meta, chain.prior, solutions, judgement, ending)
     messages = [(key, dict(values)) for solution in solutions for key, values in solution.messages]

@@ -222,6 +222,8 @@ class Result(ResultSection):
     error_values: dict[str, JsonValue] | None = None  #: Values of the fault's message.
     stop_reason: str | None = None
     finished_stages: list[str] | None = None  #: Stages that an incomplete run solved before it ended.
+    #: Solved stages that the operator ended before their schedules did.
+    ended_by_hand: list[str] = Field(default_factory=list)
     latitude_untold: LatitudeUnknown | None = None
     #: Comparison of a check standard with its reference values; None for a production unit.
     check_standard: StandardComparison | None = None

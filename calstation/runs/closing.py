@@ -17,7 +17,7 @@ from calstation.config import RunConfiguration, confirmation_required, missing_r
 from calstation.errors import ConfigurationError
 from calstation.judgement import End, advice, judge, latitude_agrees, verdict_of
 from calstation.quality import table_charts
-from calstation.records import RunFilter, Verdict
+from calstation.records import RunFilter, Verdict, stages_ended_by_hand
 from calstation.reports import station_request
 from calstation.results import Ending, build_result, write_json
 from calstation.runs.preparation import OpenRun
@@ -52,6 +52,7 @@ def close_run(run: OpenRun, ended: RunEnd) -> None:
     resumable = (
         bool(ended.solutions or ended.points) and not run.registers.get("new") and latitude_agrees(judgement.checks)
     )
+    by_hand = stages_ended_by_hand(log.stage_ends, run.meta.schedule)
     ending = Ending(
         verdict,
         str(log.path),
@@ -59,10 +60,11 @@ def close_run(run: OpenRun, ended: RunEnd) -> None:
         registers=run.registers or None,
         error=ended.error,
         stop_reason=str(control.stop_reason) if verdict is Verdict.STOPPED else None,
-        advice=advice(run.setup.product, verdict, failures, resumable=resumable),
+        advice=advice(run.setup.product, verdict, failures, resumable=resumable, shortened=bool(by_hand)),
         cycle=run.prepared.cycle.phases(),
         ended_utc=datetime.now(UTC).isoformat(),
         table=run.chain.table(),
+        ended_by_hand=by_hand,
     )
     result = build_result(run.meta, run.chain.prior, ended.solutions, judgement, ending).to_json()
     result_file = log.path.with_suffix(".json")

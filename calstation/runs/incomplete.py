@@ -11,7 +11,16 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.judgement import End, judge, verdict_of
 from calstation.parsing import read_json
-from calstation.records import SUFFIX, Log, being_written, can_be_resumed, open_log, prior_from_meta, solved_stages
+from calstation.records import (
+    SUFFIX,
+    Log,
+    being_written,
+    can_be_resumed,
+    open_log,
+    prior_from_meta,
+    solved_stages,
+    stages_ended_by_hand,
+)
 from calstation.results import (
     Delivery,
     Ending,
@@ -99,7 +108,8 @@ def _write_result(log: Log) -> None:
     judgement = judge(log.meta, prior, ())
     verdict = verdict_of(End.INCOMPLETE, judgement.passed, partial=judgement.partial)
     action = "resume" if can_be_resumed(log.events) else "repeat"
-    ending = Ending(verdict, str(log.path), facts, advice=action, finished_stages=finished)
+    by_hand = stages_ended_by_hand(log.events, log.meta.schedule)
+    ending = Ending(verdict, str(log.path), facts, advice=action, finished_stages=finished, ended_by_hand=by_hand)
     result = build_result(log.meta, prior, (), judgement, ending)
     _store(log, result.to_json())
 

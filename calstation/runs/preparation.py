@@ -179,8 +179,12 @@ class OpenRun:
 
     def emit(self, event: Event) -> None:
         """Pass an event to the log and the listener."""
-        self.log.event({**times(self.prepared.cycle.station_time()), **to_json(event)})
+        self.record(to_json(event))
         self.prepared.emit(event)
+
+    def record(self, event: Mapping[str, Any]) -> None:
+        """Write an event, given as JSON data, into the log with the current time."""
+        self.log.event({**event, **times(self.prepared.cycle.station_time())})
 
 
 def prepare(

@@ -222,7 +222,11 @@ def _resume(run: OpenRun) -> LastSample | None:
     if points:
         run.emit(Message("resumed_point", {"log": name, "count": len(points)}))
 
+    stage_ends = {e["stage"]: e for e in continuation.log.events if e.get("event") == "StageEnded"}
+
     def on_solved(solution: Solution) -> None:
+        if solution.stage in stage_ends:
+            run.record(stage_ends[solution.stage])
         for event in solution_events(solution):
             run.emit(event)
         run.log.sync()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar, cast
 from calstation.errors import CalstationError
 from calstation.estimation import Solution
 from calstation.physics import Dwell, FloatArray, ManualMove, Move, Ramp, RoundEnd, Soak
-from calstation.records import END_FAILING
+from calstation.records import END_BY_OPERATOR, END_FAILING
 from calstation.sequencer.context import Evaluation, Output, RunContext, Solving
 from calstation.sequencer.control import State, StopRequested
 from calstation.sequencer.driving import POLL, RunDriver
@@ -255,7 +255,7 @@ class Sequencer:
                         unit.emit(StageRanked(stage.name, ranking.step, ranking.rank, ranking.strength))
                 ending = stage.rule.repeated and isinstance(step, Dwell | Soak) and self._context.control.ending_stage
                 if ending or (isinstance(step, ManualMove) and drive.runner.guiding.done):
-                    return "operator", rounds
+                    return END_BY_OPERATOR, rounds
         return "plan", rounds
 
     def _sigmas(self) -> dict[str, FloatArray]:

@@ -10,7 +10,16 @@ from typing import Any
 import pytest
 import tomli_w
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QApplication, QComboBox, QLineEdit, QListWidget, QProgressBar, QPushButton, QTabBar
+from PySide6.QtWidgets import (
+    QApplication,
+    QComboBox,
+    QLabel,
+    QLineEdit,
+    QListWidget,
+    QProgressBar,
+    QPushButton,
+    QTabBar,
+)
 
 from calstation.config import library
 from calstation.gui.shell import create_window
@@ -101,6 +110,32 @@ def test_unlimited_stage_is_ended_by_a_click_and_solved(operator: Operator, page
     assert operator.run.fault is None, operator.run.fault
     assert results(operator.site_folder)[0]["outcome"] in ("passed", "failed")
     assert not button.isVisible()
+
+
+@pytest.mark.long
+def test_stage_ended_early_by_a_click_is_named_wherever_the_result_is_shown(operator: Operator) -> None:
+    flips = {**PRODUCT["schedule"]["azimuth_flip"], "rounds": 50}
+    product = {"stages": ["azimuth_flip"], "schedule": {"azimuth_flip": flips}, "operator_ends_stages": True}
+    operator.site_folder.write(product, out_of_limits=True)
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    operator.until(operator.widget("end_stage_button", QPushButton).isEnabled)
+    operator.press("end_stage_button")
+    operator.until_ended()
+    assert operator.verdict == "FAIL", operator.says()
+    note = "Ended by the operator before its schedule was complete: Azimuth flips."
+    assert note in operator.says()
+    assert "Repeat the calibration with every stage in full" in operator.says()
+    assert "Reseat" not in operator.says()
+    operator.window.app.set_language("zh_CN")
+    assert "操作员提前结束的阶段（未按流程做完）：方位翻转。" in operator.says()
+    assert "各阶段" in operator.says() or "每个阶段都做完" in operator.says()
+    operator.window.app.set_language("en")
+    operator.press("details_button")
+    operator.until_no_job()
+    assert operator.widget("override_note", QLabel).text() == note
+    operator.window.show_page("history_page")
+    operator.until(lambda: note in operator.widget("history_reason_label", QLabel).text())
 
 
 @pytest.mark.long

@@ -72,3 +72,12 @@ def test_next_action_follows_from_the_verdict(
     product: ProductConfig, verdict: Verdict, failures: int, resumable: bool, action: str | None
 ) -> None:
     assert advice(product, verdict, failures, resumable=resumable) == action
+
+
+def test_failed_unit_with_a_stage_ended_by_hand_is_not_reseated(
+    product: ProductConfig,
+) -> None:
+    assert advice(product, Verdict.FAILED, 1, resumable=False, shortened=True) == "repeat"
+    assert advice(product, Verdict.PASSED, 0, resumable=False, shortened=True) is None
+    limited = product.model_copy(update={"attempts_allowed": 1})
+    assert advice(limited, Verdict.FAILED, 1, resumable=False, shortened=True) == "set_aside"

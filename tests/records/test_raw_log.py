@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -20,7 +21,7 @@ from records_samples import assert_same, joined, make_block
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import SampleBlock
 from calstation.messages import Text
-from calstation.records import LogMeta, RawLogWriter, being_written, open_log, raw_log
+from calstation.records import LogMeta, RawLogWriter, being_written, open_log, raw_log, stages_ended_by_hand
 from calstation.records.raw_log import row_checks
 from calstation.records.raw_read import raw_blocks
 from tests.helpers import raises_code
@@ -482,3 +483,22 @@ def test_nearly_full_disk_is_reported_while_the_log_can_still_be_closed(
     log.close("fault")
     found = open_log(tmp_path / "a.h5")
     assert (found.outcome, found.events) == ("fault", [{"event": "Fault"}])
+
+
+@pytest.mark.parametrize(
+    ("reason", "schedule", "by_hand"),
+    [
+        ("operator", {"rounds": 4}, True),
+        ("operator", {"rounds": 0, "targets": {"gyro_bias": 1e-6}}, True),
+        ("operator", {"rounds": 0, "duration_s": 60.0}, True),
+        ("operator", {"points_c": [10.0, 20.0]}, True),
+        ("operator", {"rounds": 0, "targets": {}}, False),
+        ("rounds", {"rounds": 4}, False),
+        ("failing", {"rounds": 4}, False),
+    ],
+)
+def test_stage_is_ended_by_hand_if_its_schedule_was_not_complete(
+    reason: str, schedule: dict[str, Any], by_hand: bool
+) -> None:
+    events = [{"event": "StageEnded", "stage": "rate", "reason": reason, "rounds": 1}]
+    assert stages_ended_by_hand(events, {"rate": schedule}) == (("rate",) if by_hand else ())

@@ -192,6 +192,16 @@ def test_an_instrument_that_was_calibrated_later_gives_no_traceability(
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_a_stage_ended_by_hand_is_a_deviation_from_the_method(made: Made) -> None:
+    stage = made.certificate.result.stages[0]
+    result = made.certificate.result.model_copy(update={"ended_by_hand": [stage]})
+    found = deviations(replace(made.certificate, result=result), made.analysis)
+    assert [t.values for t in found if t.code == "certificate.d_ended_by_hand"] == [{"stages": [stage]}]
+    codes = {text.code for text in deviations(made.certificate, made.analysis)}
+    assert "certificate.d_ended_by_hand" not in codes
+
+
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
 def test_excluded_uncertainty_contributions_depend_on_the_tests(made: Made) -> None:
     def codes(analysis: Analysis, **changes: Any) -> list[str]:
         result = made.certificate.result.model_copy(update=changes)

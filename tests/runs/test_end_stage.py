@@ -43,6 +43,24 @@ def test_repeated_stages_end_after_the_current_move_and_are_solved(tmp_path: Pat
     assert [e.kind for e in steps].count("move") == 7
     assert steps[-1].kind == "dwell", "the rest after the move was completed"
     assert resolve(Path(ended.log)).result.to_json()["parameters"] == ended.result["parameters"]
+    assert "ended_by_hand" not in ended.result, "the schedule has no end of its own"
+
+
+def test_stage_that_is_ended_before_its_schedule_is_named_in_the_result_and_repeated(tmp_path: Path) -> None:
+    site_folder = SiteFolder(tmp_path)
+    flips = {**PRODUCT["schedule"]["azimuth_flip"], "rounds": 50}
+    schedule = {**PRODUCT["schedule"], "azimuth_flip": flips}
+    site_folder.write({"schedule": schedule, "stages": ["six_position", "azimuth_flip"]}, out_of_limits=True)
+
+    def end_flips(event: Event) -> None:
+        if isinstance(event, StageStarted) and event.stage == "azimuth_flip":
+            site_folder.control.send(Command.END_STAGE)
+
+    ended = site_folder.run(on_event=end_flips)
+    assert (ended.verdict, ended.result["advice"]) == ("failed", "repeat")
+    assert ended.result["ended_by_hand"] == ["azimuth_flip"]
+    assert resolve(Path(ended.log)).result.ended_by_hand == ["azimuth_flip"]
+    assert resolve(Path(ended.log), ("six_position",)).result.ended_by_hand == []
 
 
 def test_end_requested_as_soon_as_the_stage_has_started_is_not_lost(tmp_path: Path) -> None:
@@ -60,12 +78,16 @@ def test_end_requested_as_soon_as_the_stage_has_started_is_not_lost(tmp_path: Pa
 
 def test_key_in_the_terminal_ends_a_stage(tmp_path: Path) -> None:
     site_folder = SiteFolder(tmp_path)
-    site_folder.write({"schedule": SCHEDULE, "stages": ["azimuth_flip"]}, speed=20.0)
+    flips = {**PRODUCT["schedule"]["azimuth_flip"], "rounds": 1000}
+    site_folder.write({"schedule": {"azimuth_flip": flips}, "stages": ["azimuth_flip"]}, speed=20.0)
     keyboard, terminal = pty.openpty()
     command = [sys.executable, "-m", "calstation", "run", "--station", site_folder.station, "--product"]
     command += [site_folder.product, "--out", tmp_path / "runs", "--json", tmp_path / "result.json"]
-    with subprocess.Popen(command, stdin=terminal, stderr=subprocess.PIPE, text=True) as running:
+    with subprocess.Popen(
+        command, stdin=terminal, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as running:
         assert running.stderr is not None
+        assert running.stdout is not None
         said = ""
         try:
             for line in running.stderr:
@@ -74,10 +96,12 @@ def test_key_in_the_terminal_ends_a_stage(tmp_path: Path) -> None:
                     os.write(keyboard, b"e\n")
                     break
             said += running.stderr.read()
+            shown = running.stdout.read()
             running.wait()
         finally:
-            running.kill()  # the stage has no end of its own
+            running.kill()  # the stage takes hours
     os.close(keyboard)
     os.close(terminal)
     assert running.returncode in (0, 1), said
     assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["stages"] == ["azimuth_flip"]
+    assert "Ended by the operator before its schedule was complete: Azimuth flips." in shown

@@ -15,7 +15,7 @@ from calstation.cli.options import (
     command_group,
     parsed_stages,
 )
-from calstation.cli.show import emit_json, plain_console, residual_table, result_table
+from calstation.cli.show import emit_json, hand_notes, plain_console, residual_table, result_table
 from calstation.cli.text import say, sentence
 from calstation.errors import ConfigurationError, InsufficientDataError
 from calstation.messages import event_text
@@ -75,6 +75,8 @@ def resolve(
         within_limits = "partial" if solved.result.partial else "passed"
         ending = without_verdict if passed is None else within_limits if passed else "failed"
         out.print(say(f"cli.resolved_{ending}", stages=solved.result.stages, limits=solved.result.limits_text))
+        for note in hand_notes(solved.result):
+            out.print(note)
     if solved.missing_data:
         raise InsufficientDataError(
             "cli.stages_lacking",

@@ -175,7 +175,7 @@ class ResultView(QWidget):
         if finished.previous_utc:
             texts.append(say("engineer.compared_with", time=local_time(finished.previous_utc)))
         self._summary.setText("  ·  ".join(texts))
-        notes = advice.override_notes(result)
+        notes = advice.result_notes(result)
         if result.states_added and any(check.kind in _COMPENSATED for check in result.failed_checks):
             notes.append(say("engineer.compensated_without_states"))
         show_text(self._note, "\n".join(notes))

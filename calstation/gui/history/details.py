@@ -302,7 +302,7 @@ class RunDetails(QFrame):
         run = self._run
         if run is None:
             return
-        notes = advice.override_notes(self._result)
+        notes = advice.result_notes(self._result)
         show_text(self.reason_label, "\n".join(filter(None, (*notes, self._reason(run)))))
         self._update_buttons(run)
 

@@ -63,9 +63,11 @@ def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str
     return joined(first, more, language.current())
 
 
-def override_notes(result: Result | None) -> list[str]:
-    """Return notes on the override of a check standard and on the release of a failed unit."""
+def result_notes(result: Result | None) -> list[str]:
+    """Return notes on stages ended by hand, the override of a check standard and the release of a failed unit."""
     notes = []
+    if result is not None and result.ended_by_hand:
+        notes.append(say("advice.ended_by_hand", stages=result.ended_by_hand))
     if result is not None and result.standard_override is not None:
         notes.append(say("advice.standard_override", why=result.standard_override))
     if result is not None and result.override is not None:
@@ -126,7 +128,7 @@ def _action(outcome: str, result: Result | None) -> str:
     if advised in ("reseat", "set_aside"):
         return advised
     if outcome == "failed":
-        return "repeat"
+        return "repeat_in_full" if result is not None and result.ended_by_hand else "repeat"
     if result is None or advised != "resume":
         return "begin_again"
     return "resume" if result.solved_stages else "resume_temperatures"  # those of its first stage

@@ -259,7 +259,7 @@ class VerdictPanel(QFrame):
         for widget, content in (
             (self._source, say("operator.where", source=text.source) if text and text.source else ""),
             (self.action_label, self.next_action()),
-            (self._notes, "\n".join([*advice.override_notes(result), *notes])),
+            (self._notes, "\n".join([*advice.result_notes(result), *notes])),
             (self._facts, "  ·  ".join(self._fact_texts())),
         ):
             show_text(widget, content)
