@@ -20,6 +20,13 @@ from procedures import method, names
 #: Number of samples of each stage, or of a recording without stages, that are tested and solved: 83 minutes at 200 Hz
 #: in about 0.6 GB. The rest of a longer recording is only counted.
 MAX_TESTED = 1_000_000
+#: Codes of the messages of units that gravity or the table contradicts.
+_UNIT_ERRORS = frozenset(
+    {
+        *("recording.accel_unit", "recording.gyro_unit", "recording.gyro_unit_no_rest"),
+        *("cause.accel_unit", "cause.gyro_unit"),
+    }
+)
 
 
 @dataclass(frozen=True)
@@ -47,6 +54,12 @@ class Inspection:
     tested: int | None = None
 
     @property
+    def unit_error(self) -> Text | None:
+        """The message of units that gravity or the table contradicts; None if there is none."""
+        texts = (*self.faults, *filter(None, self.methods.values()))
+        return next((part for text in texts for part in _parts(text) if part.code in _UNIT_ERRORS), None)
+
+    @property
     def summary(self) -> list[tuple[str, Text]]:
         """The interpretation as rows of text: code of the name, "" to continue the row above, and text."""
         facts, text = self.facts, Text.of
@@ -69,6 +82,14 @@ class Inspection:
             ("look.stages", text("look.stages_are", stages=stages)),
             *([("look.tested", text("look.tested_are", samples=self.tested))] if self.tested is not None else []),
         ]
+
+
+def _parts(text: Text) -> Iterator[Text]:
+    """Yield a message and the messages that it contains."""
+    yield text
+    for value in text.values.values():
+        if isinstance(value, Text):
+            yield from _parts(value)
 
 
 def inspect_recording(path: Path) -> Inspection:

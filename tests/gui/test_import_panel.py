@@ -85,10 +85,38 @@ def test_recording_is_shown_and_imported(page: OfflinePage, qtbot: QtBot, tmp_pa
     assert page.log.facts.samples == 299
 
 
-def test_units_that_gravity_contradicts_are_said(page: OfflinePage, qtbot: QtBot, tmp_path: Path) -> None:
-    page.look_at(write_recording(tmp_path, unit="m/s2"))
-    fault = next(text for text in looked(page, qtbot) if "g instead of m/s²" in text)
-    assert "Correct" in fault
+def test_units_that_gravity_contradicts_are_said_and_asked_about(
+    page: OfflinePage, qtbot: QtBot, tmp_path: Path
+) -> None:
+    page.look_at(path := write_recording(tmp_path, unit="m/s2"))
+    assert any("g instead of m/s²" in text for text in looked(page, qtbot))
+    notice, imports = page.importer.notice, page.findChild(QPushButton, "import_button")
+    assert notice.isVisible()
+    assert notice.title_label.text() == "The units of this recording are wrong"
+    assert "Correct the unit in [columns]" in notice.text_label.text()
+    language.use("zh_CN")
+    assert notice.title_label.text() == "这个数据的单位有误"
+    assert "请改正 [columns] 中的单位" in notice.text_label.text()
+    language.use("en")
+    assert imports.property("kind") != "primary"
+    assert not imports.hasFocus()
+
+    qtbot.mouseClick(imports, Qt.MouseButton.LeftButton)
+    assert not page.window().findChildren(QFileDialog), "nothing is imported before the question is answered"
+    assert page.findChild(QPushButton, "import_not_choice").hasFocus()
+    qtbot.keyClick(page.findChild(QPushButton, "import_not_choice"), Qt.Key.Key_Space)
+    assert notice.title_label.text() == "The units of this recording are wrong"
+    assert not page.window().findChildren(QFileDialog)
+    qtbot.wait(0)  # the buttons of the closed question are deleted
+    qtbot.mouseClick(imports, Qt.MouseButton.LeftButton)
+    choose(page, qtbot, "import_anyway_choice", tmp_path / "new.h5")
+    qtbot.waitUntil(lambda: page.log is not None, timeout=WAIT)
+
+    write_recording(tmp_path)
+    page.look_at(path)
+    looked(page, qtbot)
+    assert notice.isHidden()
+    assert imports.property("kind") == "primary"
 
 
 def test_columns_that_are_not_used_are_named(page: OfflinePage, qtbot: QtBot, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from calstation.errors import CalstationError
 from calstation.gui.state import AppContext, FileExport, JobView
 from calstation.gui.text import on_language_change, say, term
 from calstation.gui.widgets import (
+    Choice,
     JobRow,
     JobStack,
     box,
@@ -94,7 +95,16 @@ class ImportPanel(JobView):
     def _show(self, inspection: Inspection) -> None:
         self.inspection = inspection
         self._refresh()
-        self.import_button.setFocus()
+        contradicted = inspection.unit_error is not None
+        theme.set_kind(self.import_button, "" if contradicted else "primary")
+        (self.look_button if contradicted else self.import_button).setFocus()
+        self._warn()
+
+    def _warn(self) -> None:
+        """Show on top that the units are wrong."""
+        self.notice.dismiss()
+        if self.inspection is not None and self.inspection.unit_error is not None:
+            self.notice.ask("bad", "logs.wrong_units", self.inspection.unit_error)
 
     def _choose_topic(self, error: CalstationError) -> None:
         """Offer the topics of a file with several IMUs."""
@@ -104,6 +114,19 @@ class ImportPanel(JobView):
         self._update()
 
     def _ask(self) -> None:
+        error = None if self.inspection is None else self.inspection.unit_error
+        if error is None:
+            self._ask_file()
+            return
+        no = Choice("import_not_choice", "logs.do_not_import", self._warn, primary=True)
+        anyway = Choice("import_anyway_choice", "logs.import_anyway", self._import)
+        self.notice.ask("bad", "logs.import_wrong_units", error, (no, anyway))
+
+    def _import(self) -> None:
+        self._warn()
+        self._ask_file()
+
+    def _ask_file(self) -> None:
         if self.path is not None and self.inspection is not None:
             source, meta, topic = self._read
             proposed = self.path.with_suffix(SUFFIX)
