@@ -62,6 +62,14 @@ class GimbalAxis:
     contraction: float  #: Remaining fraction of the error after each turn at `gain`.
     done: bool  #: Whether the last drift is below the threshold.
 
+    @property
+    def observed(self) -> float | None:
+        """Mean remaining fraction of the drift after each turn; None for a single turn or without a drift."""
+        turns = len(self.drift) - 1
+        if turns < 1 or self.drift[0] == 0.0:
+            return None
+        return float((self.drift[-1] / self.drift[0]) ** (1.0 / turns))
+
 
 @dataclass(frozen=True)
 class GimbalPlotData:
@@ -71,6 +79,12 @@ class GimbalPlotData:
     threshold: float  #: Threshold of the drift, rad.
     #: Value and sigma of each misalignment from a joint fit to all samples, rad.
     least_squares: Mapping[str, tuple[float, float]]
+
+    @property
+    def excessive_sigma(self) -> float | None:
+        """Largest sigma of the misalignments, rad, if it exceeds the threshold of an axis below it; None otherwise."""
+        largest = max((sigma for _, sigma in self.least_squares.values()), default=0.0)
+        return largest if largest > self.threshold and any(axis.done for axis in self.axes) else None
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from calstation.gui.logs.methods.plots import MethodPlot, three_digits
 from calstation.gui.text import say
 from calstation.gui.widgets import (
     DataView,
-    ElidedLabel,
     StateBadge,
     box,
     clear,
@@ -53,6 +52,11 @@ class GimbalView(QWidget, DataView[GimbalPlotData]):
             self.plot.line(turn, predicted / ARCSECOND, colour)
             self.plot.dots(turn, axis.drift / ARCSECOND, colour)
             note.append(("● " + axis.axis, theme.axis_text(axis.axis)))
+        if data.excessive_sigma is not None:
+            sigma, threshold = (three_digits(v / ARCSECOND) for v in (data.excessive_sigma, data.threshold))
+            caution = label(name="gimbal_sigma_label", wrap=True)
+            caution.setText("▲  " + say("logs.sigma_above_threshold", sigma=sigma, threshold=threshold))
+            self._panels.addWidget(panel(caution))
         self._panels.addStretch(1)
         if data.threshold > 0.0:
             self.plot.limit(data.threshold / ARCSECOND, c.bad)
@@ -61,14 +65,15 @@ class GimbalView(QWidget, DataView[GimbalPlotData]):
         self.plot.finish([*note, (say("logs.predicted"), c.muted)])
 
     def _axis_panel(self, axis: GimbalAxis) -> QFrame:
-        badge, text, gains = StateBadge(), ElidedLabel("muted"), label()
+        badge, text, gains = StateBadge(), label(kind="muted", wrap=True), label()
         verdict = say("logs.axis_below" if axis.done else "logs.axis_above", axis=axis.axis)
         badge.show_state("good" if axis.done else "caution", verdict)
         self.badges.append(badge)
         first, last = (three_digits(float(axis.drift[k]) / ARCSECOND) for k in (0, -1))
         angle, percent = three_digits(float(np.rad2deg(axis.angle))), three_digits(100.0 * axis.contraction)
         turns = {"count": len(axis.drift), "angle": angle, "first": first, "last": last, "percent": percent}
-        text.setText(say("logs.turns", **turns))
+        observed = "" if axis.observed is None else three_digits(100.0 * axis.observed)
+        text.setText(say("logs.turns_observed" if observed else "logs.turns", **turns, observed=observed))
         gain, fastest, stable = (three_digits(value) for value in (axis.gain, axis.best, axis.largest))
         gains.setText(say("logs.gain_lines", gain=gain, fastest=fastest, stable=stable))
         return panel(badge, text, _GainBar(axis), gains)
