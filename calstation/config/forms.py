@@ -58,9 +58,16 @@ class FieldSpec:
     description: str = ""  #: Description from the model.
 
 
+def _unit(name: str) -> str:
+    """Return the unit of a field by its name; a name such as ``ramp_c_per_min`` has a quotient of units."""
+    quantity, _, divisor = name.partition("_per_")
+    unit = _UNITS.get(name) or _UNITS_BY_END.get(quantity.rpartition("_")[2], "")
+    return f"{unit}/{divisor}" if unit and divisor else unit
+
+
 def field_spec(name: str, info: FieldInfo | None) -> FieldSpec:
     """Describe a field by its model; a field without a model is a number."""
-    unit = _UNITS.get(name) or _UNITS_BY_END.get(name.rpartition("_")[2], "")
+    unit = _unit(name)
     if info is None:
         return FieldSpec(name, "number", unit)
     kind, optional = required_type(info.annotation)

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from calstation.config import prepare_run, schedule_fields, schedule_options, schedule_problems
+from calstation.config import field_spec, prepare_run, schedule_fields, schedule_options, schedule_problems
 from calstation.errors import ConfigurationError
 from procedures import method
 from tests.site_folder import PRODUCT, SiteFolder
@@ -104,3 +104,11 @@ def test_fields_have_the_expected_types() -> None:
 )
 def test_default_number_of_rounds_depends_on_other_stop_conditions(values: dict[str, Any], rounds: int) -> None:
     assert method("excitation").schedule.model_validate(values).model_dump()["rounds"] == rounds
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("ramp_c_per_min", "°C/min"), ("max_rate_c_per_min", "°C/min"), ("dwell_s", "s"), ("rounds", ""), ("speed", "×")],
+)
+def test_unit_of_a_field_follows_from_its_name(name: str, unit: str) -> None:
+    assert field_spec(name, None).unit == unit
