@@ -216,6 +216,8 @@ def _check_line(check: Check) -> str:
     unit, size = _CHECK_UNITS.get(check.kind, (check.unit, 1.0))
     if check.parameter:
         unit, size = unit_of_parameter(check.parameter)
+    if check.kind == "clipping":
+        unit = say("common.samples_unit")
     unit = "" if unit == "1" else f" {unit}"
     location = say("cli.at_where", where=check.where) if str(check.where) else ""
     code = f"cli.check_{check.kind}"

@@ -215,6 +215,8 @@ class _Document:
         unit, size = _UNITS.get(check.kind) or check_unit(check.unit)
         if check.parameter:
             unit, size = unit_of_parameter(check.parameter)
+        if check.kind == "clipping":
+            unit = term("common", "samples_unit", self._language)
         if isinstance(check.limit, tuple):
             limit = interval(*check.limit, size, check.value)
         else:

@@ -13,8 +13,9 @@ from pytestqt.qtbot import QtBot
 from calstation.config import library, load_product
 from calstation.gui.engineer.schedule_form import _number as schedule_number
 from calstation.gui.quality.yield_view import DayAxis
-from calstation.gui.text import language, parameter_text, product_text, say
+from calstation.gui.text import check_text, language, parameter_text, product_text, say
 from calstation.gui.widgets import Column, NumberEdit, ParameterModel, ParameterTable, ThemedPlot, VectorEdit, theme
+from calstation.judgement import Check
 from calstation.messages import Text, sentence
 from calstation.physics import EFFECT_PARAMETERS, PAIR_PARAMETERS, PARAMETERS
 from tests.gui.conftest import Operator
@@ -128,3 +129,13 @@ def test_names_have_the_background_of_their_rows(qtbot: QtBot, name: str) -> Non
         colours = [image.pixelColor(x, y).name() for x in (table.verticalHeader().x() + 3, table.viewport().x() + 20)]
         assert colours[0] == colours[1], (names[row], colours)
     theme.apply(before)
+
+
+def test_samples_are_the_unit_of_clipping(qapp: QApplication) -> None:
+    check = Check("clipping", "azimuth_flip", 0.63, 30.0, "1", passed=True)
+    assert [check_text(check).value, check_text(check).limit, check_text(check).unit] == ["0.63", "≤ 30", "samples"]
+    language.use("zh_CN")
+    try:
+        assert check_text(check).unit == "个采样点"
+    finally:
+        language.use("en")

@@ -122,6 +122,8 @@ def _unit(check: Check) -> tuple[str, float]:
         return "°", DEGREE
     if check.kind == "sample_clock":
         return "ppm", 1e-6
+    if check.kind == "clipping":
+        return say("common.samples_unit"), 1.0
     name = check.parameter or check.subject
     if check.kind == "previous":
         name = next((p.name for p in PARAMETERS if p.group == check.subject), name)
