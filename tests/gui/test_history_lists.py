@@ -321,6 +321,21 @@ def test_stopped_and_partial_runs_are_not_shown_as_passed(
     assert page.details.reason_label.text() == "Only Rate: all solved values are within their limits."
 
 
+def test_failed_partial_run_has_the_same_words_in_the_list_and_the_details(
+    page: HistoryPage, runs: dict[str, Path], folder: Path, qtbot: QtBot
+) -> None:
+    listed_runs(page, qtbot)
+    write_run(folder, "SN-000009", "failed", timedelta(minutes=1), bias=5.0, partial=True)
+    page.refresh()
+    qtbot.waitUntil(lambda: not page.busy and rows(page)[0][0] == "SN-000009", timeout=WAIT)
+    select_row(page, 0, qtbot)
+    assert rows(page)[0][1] == page.details.badge.text() == "FAIL (partial)"
+    language.use("zh_CN")
+    qtbot.wait(10)
+    assert rows(page)[0][1] == page.details.badge.text() == "不合格（部分）"
+    language.use("en")
+
+
 @pytest.mark.parametrize("name", ["en", "zh_CN"])
 def test_changed_result_is_a_caution_and_has_its_own_filter(
     page: HistoryPage, runs: dict[str, Path], qtbot: QtBot, name: str

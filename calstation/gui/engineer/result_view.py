@@ -10,6 +10,7 @@ from calstation.gui.text import (
     KINDS,
     is_parameter_check,
     on_language_change,
+    outcome_text,
     product_text,
     say,
     sigmas_text,
@@ -88,7 +89,7 @@ def verdict_text(result: Result, *, stages: bool = True) -> str:
         return term("badge", result.badge)
     passed = result.verdict == "partial"
     if not stages:
-        return term("badge", "partial") if passed else say("engineer.partial", outcome=result.outcome)
+        return outcome_text(result.verdict, partial=True)
     code = "engineer.passed_stages" if passed else "engineer.partial_stages"
     return say(code, outcome=result.outcome, stages=result.stages)
 

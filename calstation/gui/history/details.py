@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QAbstractItemView, QFormLayout, QFrame, QWidget
 from calstation.database import is_archived
 from calstation.errors import CalstationError
 from calstation.gui.history.comparison import limits_of
-from calstation.gui.history.run_table import lacks_log, outcome_kind, outcome_text, stages_text
+from calstation.gui.history.run_table import lacks_log, outcome_kind, run_outcome, stages_text
 from calstation.gui.operator import CertificateButton, FiguresTable, LabelButton, advice
 from calstation.gui.state import ReleaseBar
 from calstation.gui.text import (
@@ -285,7 +285,7 @@ class RunDetails(QFrame):
         if run is None:
             return
         self._serial.setText(run.serial)
-        self.badge.show_state(outcome_kind(run), outcome_text(run))
+        self.badge.show_state(outcome_kind(run), run_outcome(run))
         lines = []
         if result is not None and result.verdict.judged:
             failed = result.failed_checks

@@ -16,7 +16,7 @@ from PySide6.QtCore import (
 from PySide6.QtGui import QColor, QIcon, QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
-from calstation.gui.text import KINDS, duration_text, on_language_change, product_text, say, term
+from calstation.gui.text import KINDS, duration_text, on_language_change, outcome_text, product_text, say, term
 from calstation.gui.widgets import plain_tip, state_colour, state_icon, theme
 from calstation.messages import local_time
 from calstation.records import LATEST_FIRST, RunOrder, RunRecord
@@ -32,7 +32,7 @@ class _Column:
 
 
 _COLUMNS = (
-    _Column("history.outcome", "verdict", lambda run: outcome_text(run)),
+    _Column("history.outcome", "verdict", lambda run: run_outcome(run)),
     _Column("common.serial_number", "serial", lambda run: run.serial),
     _Column("common.started", "started_utc", lambda run: local_time(run.started_utc)),
     _Column("common.product", "product", lambda run: product_text(run.product or "")),
@@ -295,9 +295,9 @@ def lacks_log(run: RunRecord) -> bool:
     return not run.origin and not run.log.exists()
 
 
-def outcome_text(run: RunRecord) -> str:
-    """Return the outcome of a run, and whether only its log is missing."""
-    outcome = term("badge", run.badge)
+def run_outcome(run: RunRecord) -> str:
+    """Return the outcome of a run, such as ``FAIL (partial)``, and whether only its log is missing."""
+    outcome = outcome_text(run.badge, partial=run.partial and bool(run.stages))
     return say("history.outcome_without_log", outcome=outcome) if lacks_log(run) and not run.missing else outcome
 
 

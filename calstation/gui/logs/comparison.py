@@ -3,7 +3,7 @@
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.text import KINDS, on_language_change, say, term
+from calstation.gui.text import KINDS, on_language_change, outcome_text, say
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
     ComparisonTable,
@@ -110,7 +110,9 @@ class Comparison(QWidget):
 
     def _online_verdict(self) -> tuple[str, str]:
         if self._online is not None:
-            return KINDS.get(self._online.verdict, "none"), term("badge", self._online.badge)
+            return KINDS.get(self._online.verdict, "none"), outcome_text(
+                self._online.badge, partial=self._online.partial and bool(self._online.stages)
+            )
         log = self._log_index
         if log is not None and log.outcome is None and log.meta.run is not None:
             return "caution", say("logs.run_not_ended")

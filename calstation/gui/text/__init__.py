@@ -20,6 +20,7 @@ from calstation.gui.text.messages import (
     for_operator,
     offered_products,
     on_language_change,
+    outcome_text,
     product_text,
     rendered,
     say,
