@@ -216,7 +216,7 @@ class _Document:
         if check.parameter:
             unit, size = unit_of_parameter(check.parameter)
         if check.kind == "clipping":
-            unit = term("common", "samples_unit", self._language)
+            unit = self._say(Text("common.samples_unit"))
         if isinstance(check.limit, tuple):
             limit = interval(*check.limit, size, check.value)
         else:
