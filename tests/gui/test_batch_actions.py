@@ -101,6 +101,21 @@ def test_failed_units_are_calibrated_again_in_their_slots(operator: Operator, st
     assert [request.serials for request in started] == [("", "SN-000002", "", "SN-000004")]
 
 
+def test_only_units_that_are_not_set_aside_are_offered_again(operator: Operator, started: list[RunRequest]) -> None:
+    use_slots(operator, 4)
+    begin(operator)
+    for slot, advised in (("1", "set_aside"), ("2", "repeat"), ("3", "set_aside"), ("4", "reseat")):
+        end_unit(operator, slot, "failed", **{**FAILED, "advice": advised})
+    operator.window.app.engine_link._end()
+    operator.until(lambda: operator.run.ended)
+    again = operator.widget("again_button", QPushButton)
+    for language, text in (("zh_CN", "重做不合格的产品（2）"), ("en", "Calibrate the failed units again (2)")):
+        operator.window.app.set_language(language)
+        assert again.text() == text
+    operator.press("again_button")
+    assert serials(operator) == ("", "SN-000002", "", "SN-000004")
+
+
 def test_slots_show_the_last_verdicts_while_the_next_units_are_scanned(operator: Operator) -> None:
     """An operator who unloads the units while scanning must know which of them failed."""
     use_slots(operator, 4)

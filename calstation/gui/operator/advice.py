@@ -82,6 +82,11 @@ def next_action(outcome: str, result: Result | None) -> str:
     return say(f"advice.{_action(outcome, result)}")
 
 
+def repeats(result: Result | None) -> bool:
+    """Return whether the operator may calibrate a failed unit again without an engineer, also after its own fault."""
+    return result is None or not (result.released or _action("failed", result) in ("set_aside", "ask_engineer"))
+
+
 def brief_reason(outcome: str, result: Result | None) -> str:
     """Return the worst failed check of a failed unit, or the value nearest to its limit of a passed unit."""
     if outcome in ("passed", "partial"):

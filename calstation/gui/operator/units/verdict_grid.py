@@ -83,8 +83,8 @@ class VerdictGrid(QFrame):
     """Tiles with the verdicts on all units of a run, below a summary and buttons that apply to several units.
 
     `notice` reports on labels and certificates, `unprinted` on labels that were not printed, and `then` is called after
-    either has been closed. Signals: `opened()` after a click on a tile; `again(units)` to calibrate the failed units
-    again.
+    either has been closed. Signals: `opened()` after a click on a tile; `again(units)` to calibrate those failed
+    units again that are not to be set aside.
     """
 
     opened = Signal()
@@ -99,7 +99,7 @@ class VerdictGrid(QFrame):
         self._offered: list[Path] = []  #: Results that the buttons of labels and certificates apply to.
         self._shown: list[tuple[object, ...]] = []  #: What the tiles show of each unit.
         self._summary = StateBadge(_SUMMARY, "units_summary")
-        self._again = button("again_button", pressed=lambda: self.again.emit(self._failed), kind="primary")
+        self._again = button("again_button", pressed=lambda: self.again.emit(self._repeatable), kind="primary")
         self._labels = LabelButton(app, "labels_button", notice, then, unprinted=unprinted, all_units=True)
         self._certificates = CertificatesButton(app, "certificates_button", notice, then)
         self._grid = grid()
@@ -165,6 +165,11 @@ class VerdictGrid(QFrame):
         return [unit for unit in self._run.units if unit.failed]
 
     @property
+    def _repeatable(self) -> list[UnitStatus]:
+        """Failed units that the operator may calibrate again."""
+        return [unit for unit in self._failed if advice.repeats(unit.result)]
+
+    @property
     def _passed(self) -> list[tuple[Result, Path]]:
         """Results of the units that passed, with their files."""
         return [
@@ -180,11 +185,12 @@ class VerdictGrid(QFrame):
     def _refresh(self) -> None:
         if self._tiles:
             self._summary.show_state(*run_badge(self._run))
-            verdicts = {unit.verdict for unit in self._failed}
+            repeatable = self._repeatable
+            verdicts = {unit.verdict for unit in repeatable}
             both = len(verdicts) > 1
             again = "operator.again_faults" if Verdict.FAULT in verdicts else "operator.again"
-            self._again.setText(say("operator.again_both" if both else again, count=len(self._failed)))
-            self._again.setVisible(bool(self._failed))
+            self._again.setText(say("operator.again_both" if both else again, count=len(repeatable)))
+            self._again.setVisible(bool(repeatable))
             for tile in self._tiles:
                 tile.show_verdict(self._run.final_state_of(tile.unit))
             brief = [tile.reason for tile in self._tiles if not tile.roomy]
