@@ -116,6 +116,23 @@ def test_only_units_that_are_not_set_aside_are_offered_again(operator: Operator,
     assert serials(operator) == ("", "SN-000002", "", "SN-000004")
 
 
+@pytest.mark.parametrize(
+    ("language", "advice"), [("en", "The tiles say what to do with each unit."), ("zh_CN", "请按各方块上的提示处理每个产品。")]
+)
+def test_batch_without_a_unit_that_passed_says_nothing_of_such_units(
+    operator: Operator, language: str, advice: str
+) -> None:
+    use_slots(operator, 2)
+    operator.window.app.set_language(language)
+    begin(operator)
+    for slot in ("1", "2"):
+        end_unit(operator, slot, "failed", **{**FAILED, "advice": "set_aside"})
+    operator.window.app.engine_link._end()
+    operator.until(lambda: operator.run.ended)
+    assert operator.message.startswith(advice)
+    assert not operator.widget("again_button", QPushButton).isVisible()
+
+
 def test_slots_show_the_last_verdicts_while_the_next_units_are_scanned(operator: Operator) -> None:
     """An operator who unloads the units while scanning must know which of them failed."""
     use_slots(operator, 4)

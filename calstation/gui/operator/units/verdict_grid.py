@@ -158,7 +158,10 @@ class VerdictGrid(QFrame):
             return say("advice.resume_units")
         if unfinished and len(unfinished) == len(self._run.units):
             return say("advice.same_units")
-        return say("advice.mixed_units" if unfinished or self._failed else "advice.next_units")
+        if not (unfinished or self._failed):
+            return say("advice.next_units")
+        leaves = any(self._run.final_state_of(unit) in ("passed", "partial", "released") for unit in self._run.units)
+        return say("advice.mixed_units" if leaves else "advice.failed_units")
 
     @property
     def _failed(self) -> list[UnitStatus]:
