@@ -59,7 +59,7 @@ def test_slots_keep_their_places_from_loading_to_verdict(operator: Operator) -> 
     assert {name: corner(operator, f"unit_{name}_verdict") for name in before} == before
     operator.widget("language_combo", QComboBox).setCurrentIndex(1)
     empty = operator.window.operator_page._verdicts.findChild(QWidget, "empty_5_tile")
-    assert [text.text() for text in empty.findChildren(QLabel)] == ["5", "空"]
+    assert [text.text() for text in empty.findChildren(QLabel)] == ["5", "不参加本次标定"]
 
 
 def test_tile_of_a_unit_that_will_fail_says_why(operator: Operator) -> None:
@@ -97,6 +97,10 @@ def test_failed_units_are_calibrated_again_in_their_slots(operator: Operator, st
     operator.press("again_button")
     assert started == []
     assert serials(operator) == ("", "SN-000002", "", "SN-000004")
+    for language, left_out in (("zh_CN", "不参加本次标定"), ("en", "not in this run")):
+        operator.window.app.set_language(language)
+        for name in ("1", "3"):  # nobody has removed these units
+            assert left_out in tile(operator, f"slot_{name}_tile").accessibleName()
     operator.press("start_button")
     assert [request.serials for request in started] == [("", "SN-000002", "", "SN-000004")]
 
@@ -117,7 +121,8 @@ def test_only_units_that_are_not_set_aside_are_offered_again(operator: Operator,
 
 
 @pytest.mark.parametrize(
-    ("language", "advice"), [("en", "The tiles say what to do with each unit."), ("zh_CN", "请按各方块上的提示处理每个产品。")]
+    ("language", "advice"),
+    [("en", "The tiles say what to do with each unit."), ("zh_CN", "请按各方块上的提示处理每个产品。")],
 )
 def test_batch_without_a_unit_that_passed_says_nothing_of_such_units(
     operator: Operator, language: str, advice: str

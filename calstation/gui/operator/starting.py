@@ -133,6 +133,7 @@ class RunStarter(QObject):
             serial = serials[slot.name]
             self.slots.fill(slot, serial, self._attempts(serial))
         self._show_slots()
+        self.slots.leave_out_others()
 
     def _show_slots(self) -> None:
         """Show the slots instead of the verdicts, and wait for START."""
@@ -328,7 +329,9 @@ class RunStarter(QObject):
         note, next_slot = (say("operator.next_unit") if judged else ""), self.slots.marked
         if self.slots and not judged and not self._app.run.in_progress:
             full = len(self.slots.units) == len(self.slots.serials)
-            note = say("operator.slots_full" if full else "operator.slots_stay_empty")
+            left_out = any(slot.left_out for slot in self.slots)
+            others = "operator.others_left_out" if left_out else "operator.slots_stay_empty"
+            note = say("operator.slots_full" if full else others)
             if next_slot is not None:
                 note = say("operator.slot", slot=next_slot.name)
         self._header.note_serial(note, accepted=accepted)

@@ -21,6 +21,7 @@ class Slot:
     serial: str = ""  #: Serial number of the unit; "" if the slot is empty.
     suggested: bool = False  #: Whether the virtual bench has suggested the serial number.
     skipped: bool = False  #: Whether scans skip the slot.
+    left_out: bool = False  #: Whether the unit of the last run is still in the slot but not in the next run.
     attempts: int = 0  #: Number of earlier runs of the unit.
     passed: bool = False  #: Whether the unit passed one of them.
     #: Serial number and final state of the unit of the last run in this slot, which is being unloaded; None for none.
@@ -29,7 +30,7 @@ class Slot:
     @property
     def open(self) -> bool:
         """Whether the next scan may fill the slot."""
-        return not self.serial and not self.skipped
+        return not (self.serial or self.skipped or self.left_out)
 
 
 class Slots(QObject):
@@ -65,12 +66,12 @@ class Slots(QObject):
 
     @property
     def next(self) -> Slot | None:
-        """The slot for the next scan: `marked`, or the first slot with a suggested unit, which the scan replaces."""
-        return self.marked or next((slot for slot in self._slots if slot.suggested), None)
+        """The slot for the next scan: `marked`, or the first with a suggested or left-out unit, which it replaces."""
+        return self.marked or next((slot for slot in self._slots if slot.suggested or slot.left_out), None)
 
     def last(self, name: str) -> Slot | None:
         """Return the slot in which the scanned unit was last, or None if another is selected or it is not free."""
-        free = [slot for slot in self._slots if slot.open or slot.suggested]
+        free = [slot for slot in self._slots if slot.open or slot.suggested or slot.left_out]
         return None if self._chosen is not None else next((slot for slot in free if slot.name == name), None)
 
     @property
@@ -106,8 +107,14 @@ class Slots(QObject):
             if other.serial == serial:
                 other.serial, other.suggested = "", False
         slot.serial, slot.attempts, slot.passed = serial, attempts, passed
-        slot.suggested = slot.skipped = False
+        slot.suggested = slot.skipped = slot.left_out = False
         self._chosen = None
+        self.changed.emit()
+
+    def leave_out_others(self) -> None:
+        """Note that the units of the last run in the slots without a unit have not been removed."""
+        for slot in self._slots:
+            slot.left_out = slot.last is not None and not slot.serial
         self.changed.emit()
 
     def choose(self, slot: Slot) -> None:
@@ -138,5 +145,6 @@ class Slots(QObject):
         for slot in self._slots:
             if slot.suggested or not only_suggested:
                 slot.serial, slot.suggested = "", False
+            slot.left_out = False
         self._chosen = None
         self.changed.emit()

@@ -60,6 +60,8 @@ class _SlotTile(Tile):
             note = say("operator.suggested" if slot.suggested else code, count=slot.attempts + 1)
         elif slot.skipped:
             note = say("operator.stays_empty")
+        elif slot.left_out and not is_next:
+            note = say("operator.left_out")
         else:
             note = say("operator.next_scan" if is_next else "operator.empty")
         note = "  ·  ".join(filter(None, (product_text(product) if product else "", note)))

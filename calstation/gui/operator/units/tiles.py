@@ -76,7 +76,7 @@ class _EmptyTile(QFrame):
         self.setProperty("kind", "panel")
         self._slot, self._text = label(kind="muted"), ElidedLabel("muted")
         self._slot.setText(slot)
-        bind(self._text, "operator.empty")
+        bind(self._text, "operator.left_out")
         margins = (theme.GRID, theme.GRID // 2, theme.GRID, theme.GRID // 2)
         column(None, row(self._slot, (self._text, 1), spacing=theme.GRID), None, on=self, spacing=0, margins=margins)
 
