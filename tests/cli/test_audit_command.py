@@ -185,7 +185,7 @@ def test_runs_whose_files_are_missing_are_named_by_every_verification(
     indexed.unlink()
     for arguments in ((), (Path("runs"),)):
         done = calstation("check", *arguments)
-        assert (done.code, f"unreadable: 2 ({certified.stem}, {indexed.stem})." in done.out) == (0, True), done
+        assert (done.code, f"unreadable: 2 ({certified.stem}, {indexed.stem})." in done.out) == (2, True), done
     History(runs).refresh()
     assert f"unreadable: 2 ({certified.stem}, {indexed.stem})." in calstation("check", runs).out
     (runs / "history.sqlite").unlink()
