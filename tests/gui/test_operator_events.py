@@ -689,3 +689,19 @@ def test_rounds_of_an_open_ended_stage_follow_each_other_in_the_convergence_plot
     for fraction, remaining, sigma in ((0.9, 10.0, 3.0), (0.0, 100.0, 2.0), (0.8, 20.0, 1.5)):
         progress(simulated_run, fraction, remaining, sigma)
     assert live.lines["gyro_bias"].times == pytest.approx([90.0, 90.0, 170.0])
+
+
+@pytest.mark.parametrize(
+    ("language", "words"),
+    [("en", "Read the fault below and press Understood first."), ("zh_CN", "请先看下面的故障，再按“知道了”。")],
+)
+def test_scan_while_a_fault_is_open_points_to_the_fault_below(
+    simulated_run: Operator, language: str, words: str
+) -> None:
+    simulated_run.window.app.set_language(language)
+    simulated_run.window.app.engine_link.event.emit(Fault("TableFaultError", "", 3, "table.fault_unexplained", {}))
+    simulated_run.window.app.engine_link.running_changed.emit(False)
+    simulated_run.until(simulated_run.widget("acknowledge_button").isVisible)
+    assert simulated_run.widget("start_button").toolTip() == words
+    simulated_run.scan("SN-000050")
+    assert words in simulated_run.says()

@@ -430,7 +430,10 @@ class OperatorPage(Page):
 
     def _why_not_start(self) -> str:
         starting, header = self._starting, self.header
-        if why_not := self.app.run.why_no_run(engineer=self.app.role.engineer):
+        run = self.app.run
+        if run.problem is None and run.why_not_start == "operator.fault_open":
+            return say("operator.fault_below")
+        if why_not := run.why_no_run(engineer=self.app.role.engineer):
             return why_not
         if header.badge_field.required:
             return say("operator.sign_in")

@@ -163,7 +163,7 @@ class RunStarter(QObject):
         accepted = self.check()
         self._signal(accepted=accepted)
         if accepted and self._app.run.fault is not None:
-            ask(self._notice, "caution", Text("operator.fault_open"), {})
+            ask(self._notice, "caution", Text("operator.fault_below"), {})
         summary = self.run_summary
         if summary is None or not accepted or self.slots or header.badge_field.required:
             return
