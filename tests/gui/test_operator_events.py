@@ -321,9 +321,9 @@ def test_suggested_serial_number_does_not_survive_a_change_to_hardware(operator:
     hardware.write_text(tomli_w.dumps({**STATION, "name": "hardware", **ports}), encoding="utf-8")
     operator.window.app.set_station(hardware)
     assert [edit.text() for edit in edits] == ["", ""]
-    operator.press("start_button")
-    assert "The serial number is missing" in operator.says()
-    assert not operator.window.app.engine_link.running
+    start = operator.widget("start_button", QPushButton)
+    assert not start.isEnabled()
+    assert start.toolTip() == "Scan the serial number of the unit."
 
     operator.window.app.set_station(bench)
     assert [edit.text() for edit in edits] == ["SN-000001", "SN-000001"]
@@ -422,9 +422,9 @@ def test_interrupted_run_is_offered_only_at_its_station(operator: Operator, stat
     operator.press("resume_choice")
     assert "cannot be resumed" in operator.says()
     assert operator.widget("serial_edit", QLineEdit).text() == ""
-    operator.press("start_button")
-    assert "The serial number is missing" in operator.says()
-    assert not operator.window.app.engine_link.running
+    start = operator.widget("start_button", QPushButton)
+    assert not start.isEnabled()
+    assert start.toolTip() == "Scan the serial number of the unit."
     kept.rename(log)
     operator.scan("SN-000003")
     assert operator.window.focusWidget() is operator.widget("cancel_choice")
@@ -692,6 +692,29 @@ def test_rounds_of_an_open_ended_stage_follow_each_other_in_the_convergence_plot
 
 
 @pytest.mark.parametrize(
+    ("language", "tip", "note"),
+    [
+        ("en", "Scan the serial number of the unit.", "Serial number: missing"),
+        ("zh_CN", "请扫描产品的序列号。", "缺少"),
+    ],
+)
+def test_start_asks_for_a_missing_serial_number(operator: Operator, language: str, tip: str, note: str) -> None:
+    operator.site_folder.write({"serial_pattern": ".*"})
+    operator.window.app.product_changed.emit()
+    operator.window.app.set_language(language)
+    edit, start = operator.widget("serial_edit", QLineEdit), operator.widget("start_button", QPushButton)
+    assert start.isEnabled()
+    edit.selectAll()
+    operator.qtbot.keyClick(edit, Qt.Key.Key_Delete)
+    assert (start.isEnabled(), start.toolTip()) == (False, tip)
+    operator.qtbot.keyClick(edit, Qt.Key.Key_Return)
+    assert note in operator.says()
+    assert not start.isEnabled()
+    operator.scan("SN-000020")
+    assert operator.window.focusWidget() is start
+
+
+@pytest.mark.parametrize(
     ("language", "words"),
     [("en", "Read the fault below and press Understood first."), ("zh_CN", "请先看下面的故障，再按“知道了”。")],
 )
@@ -699,7 +722,7 @@ def test_scan_while_a_fault_is_open_points_to_the_fault_below(
     simulated_run: Operator, language: str, words: str
 ) -> None:
     simulated_run.window.app.set_language(language)
-    simulated_run.window.app.engine_link.event.emit(Fault("TableFaultError", "", 3, "table.fault_unexplained", {}))
+    simulated_run.window.app.engine_link.event.emit(Fault.of(DeviceFaultError("motion.switched_off")))
     simulated_run.window.app.engine_link.running_changed.emit(False)
     simulated_run.until(simulated_run.widget("acknowledge_button").isVisible)
     assert simulated_run.widget("start_button").toolTip() == words

@@ -163,6 +163,7 @@ class OperatorPage(Page):
         header, app = self.header, self.app
         for entered in (header.serial_entered, header.serial_edited, header.start_pressed):
             entered.connect(self._show_readiness)
+        header.serial_edit.textChanged.connect(self._show_readiness)
         header.product_combo.opening.connect(self._mark_products)
         header.product_selected.connect(app.set_product)
         header.product_selected.connect(header.focus_scan)
@@ -439,6 +440,8 @@ class OperatorPage(Page):
             return say("operator.sign_in")
         if starting.slots and not starting.slots.units and not header.serial:
             return say("operator.no_unit")
+        if not (starting.slots or header.serial):
+            return say("operator.no_serial")
         return "" if starting.refused is None else say(starting.refused)
 
     def _overdue(self) -> tuple[Text, ...]:

@@ -28,7 +28,7 @@ from calstation.sound import play
 _NOTES = {
     "question.invalid_serial": "operator.not_valid",
     "question.two_serials": "operator.not_valid",
-    "question.missing_serial": "operator.not_valid",
+    "question.missing_serial": "operator.missing",
     "question.serial_twice": "operator.twice",
     "question.no_slot_left": "operator.no_slot_left",
 }
@@ -227,7 +227,7 @@ class RunStarter(QObject):
         refusal: Text | None = Text.of(code, serial=header.serial, example=self.run_summary.serial_example)
         if header.serial_edit.holds_two(self._valid):
             refusal = Text.of("question.two_serials", serial=header.serial)
-        elif self._valid(header.serial):
+        elif header.serial and self._valid(header.serial):
             refusal = slots.refusal(header.serial) if slots else None
         self.refused = refusal
         if refusal is not None:
