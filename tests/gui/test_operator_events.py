@@ -610,6 +610,27 @@ def test_scan_replaces_the_number_and_two_numbers_in_one_are_refused(operator: O
     assert operator.window.focusWidget() is operator.widget("start_button")
 
 
+@pytest.mark.parametrize(
+    ("pattern", "text"),
+    [
+        (r"SN-\d{6}", "SN-000900SN-000900"),
+        (".*", "SN-000900SN-000900"),
+        (r"SN-\d{6}", "SN-000900SN-000901"),
+        (r"SN-\d{6}", "SN-000900 SN-000901"),
+    ],
+)
+def test_two_numbers_in_one_scan_are_recognised(operator: Operator, pattern: str, text: str) -> None:
+    operator.site_folder.write({"serial_pattern": pattern})
+    operator.window.app.product_changed.emit()
+    operator.scan(text)
+    for language, words in (("en", "” is two serial numbers in one"), ("zh_CN", "”是连在一起的两个序列号")):
+        operator.window.app.set_language(language)
+        assert f"“{text}{words}" in operator.says()
+    assert not operator.widget("start_button", QPushButton).isEnabled()
+    operator.scan("SN-000900")
+    assert operator.widget("start_button", QPushButton).isEnabled()
+
+
 @pytest.mark.parametrize("pattern", [r"SN-\d{6}", ".*"])
 def test_scan_of_a_label_enters_its_serial_number(operator: Operator, pattern: str) -> None:
     operator.site_folder.write({"serial_pattern": pattern})

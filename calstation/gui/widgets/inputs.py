@@ -36,6 +36,8 @@ class TextEdit(QLineEdit):
 
 #: Minimum length of a serial number that is recognised next to another one.
 _MIN_NUMBER = 3
+#: Minimum length of a number that is twice in a text which is itself a valid number.
+_MIN_REPEATED = 6
 #: Content of the code of a label: the serial number and, after a space, the certificate number, which begins with it.
 _LABEL = re.compile(r"(?P<serial>.+) (?P=serial)_\d{8}T")
 
@@ -67,10 +69,16 @@ class ScanEdit(QLineEdit):
         self._number = self.text().strip()
 
     def holds_two(self, valid: Callable[[str], bool]) -> bool:
-        """Return whether the text is a serial number, for which `valid` returns True, joined to the previous one."""
-        text, number = self.text().strip(), self._number
-        rest = text.removeprefix(number) if text.startswith(number) else text.removesuffix(number)
-        return bool(number) and len(rest) >= _MIN_NUMBER and valid(number) and valid(rest)
+        """Return whether the text is two serial numbers, for which `valid` returns True, without a space or with one.
+
+        If the whole text is also valid, one of them is the previous number, or both are the same long number.
+        """
+        text = self.text().strip()
+        splits = range(_MIN_NUMBER, len(text) - _MIN_NUMBER + 1)
+        pairs = [(text[:at].strip(), text[at:].strip()) for at in splits]
+        found = [pair for pair in pairs if all(len(part) >= _MIN_NUMBER and valid(part) for part in pair)]
+        same = any(first == second and len(first) >= _MIN_REPEATED for first, second in found)
+        return bool(found) and (not valid(text) or same or any(self._number in pair for pair in found))
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         """Select the text unless a part of it has been selected."""
