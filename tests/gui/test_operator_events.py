@@ -749,3 +749,13 @@ def test_scan_while_a_fault_is_open_points_to_the_fault_below(
     assert simulated_run.widget("start_button").toolTip() == words
     simulated_run.scan("SN-000050")
     assert words in simulated_run.says()
+
+
+def test_stop_after_the_verdict_keeps_the_next_action(simulated_run: Operator) -> None:
+    end_run(simulated_run, "passed", advice=None)
+    simulated_run.until(lambda: simulated_run.message.startswith("Remove the unit"))
+    simulated_run.qtbot.keyClick(simulated_run.window, Qt.Key.Key_Escape)
+    assert simulated_run.message == "Nothing is running. Remove the unit, scan the next."
+    simulated_run.window.app.set_language("zh_CN")
+    simulated_run.qtbot.keyClick(simulated_run.window, Qt.Key.Key_Escape)
+    assert simulated_run.message == "没有在标定。取下产品，扫描下一个。"

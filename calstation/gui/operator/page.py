@@ -35,6 +35,7 @@ from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.state import AppContext, EventLog, ExchangeLabel, Page, chamber_reason, run_badge
 from calstation.gui.text import (
     fault_text,
+    language,
     offered_products,
     on_language_change,
     rendered,
@@ -58,7 +59,7 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
-from calstation.messages import Text
+from calstation.messages import Text, joined
 from calstation.records import Verdict
 from calstation.runs import RunSummary, run_summary
 from calstation.sequencer import ChamberChanged, Event
@@ -343,7 +344,7 @@ class OperatorPage(Page):
         unsafe = run.fault is not None or run.stop_incomplete or run.chamber.must_stay_closed
         if not (run.in_progress or unsafe) and run.monitoring is None and not self._problem:
             self.notice.dismiss()
-            self._message.setText(say("operator.nothing_running"))
+            self._message.setText(joined(say("operator.nothing_running"), self._message_text(), language.current()))
 
     def _running_changed(self, running: bool) -> None:
         run = self.app.run
