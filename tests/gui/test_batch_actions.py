@@ -148,14 +148,14 @@ def test_slots_show_the_last_verdicts_while_the_next_units_are_scanned(operator:
     operator.scan("SN-000102")
     assert serials(operator)[:2] == ("SN-000101", "SN-000102")
     names = [tile(operator, f"slot_{number}_tile").accessibleName() for number in (1, 2, 3, 4)]
-    assert "last: SN-000001 PASS" in names[0]
-    assert "last: SN-000002 FAIL" in names[1]
+    assert "last: PASS SN-000001" in names[0]
+    assert "last: FAIL SN-000002" in names[1]
     assert "last" not in names[2]
     assert "PASS" in names[3]
     operator.window.app.set_language("zh_CN")
-    assert "上一台：SN-000002 不合格" in tile(operator, "slot_2_tile").accessibleName()
+    assert "上一台：不合格 SN-000002" in tile(operator, "slot_2_tile").accessibleName()
     shown = [each.text() for each in tile(operator, "slot_2_tile").findChildren(QLabel) if each.isVisible()]
-    assert "不合格 SN-000002" in shown
+    assert "上一台：不合格 SN-000002" in shown
     operator.window.app.set_station(operator.site_folder.station)  # the units of another station are not meant
     assert "上一台" not in tile(operator, "slot_2_tile").accessibleName()
 

@@ -72,6 +72,21 @@ def test_scan_of_a_unit_that_has_passed_says_so(operator: Operator) -> None:
     assert "序列号：第 2 次，以前已合格" in operator.says()
 
 
+def test_scan_of_a_unit_that_failed_last_time_says_so(operator: Operator) -> None:
+    runs = operator.site_folder.runs
+    runs.mkdir()
+    write_result(runs, f"{SCANNED}_20261101T000000", 1, serial=SCANNED, outcome="failed")
+    History(runs).refresh()
+    for language, note in (("en", "attempt 2, failed last time"), ("zh_CN", "第 2 次，上次不合格")):
+        operator.window.app.set_language(language)
+        operator.scan(SCANNED)
+        assert note in operator.says()
+    operator.site_folder.write(units=2)
+    operator.window.app.set_station(operator.site_folder.station)
+    operator.scan(SCANNED)
+    assert "第 2 次，上次不合格" in operator.widget("slot_1_tile").accessibleName()
+
+
 @pytest.mark.parametrize("page", ["operator_page", "history_page"])
 def test_scan_during_a_run_is_refused_with_a_sentence_and_a_sound(
     simulated_run: Operator, monkeypatch: pytest.MonkeyPatch, page: str

@@ -131,7 +131,7 @@ class RunStarter(QObject):
         serials = {unit.slot: unit.serial for unit in units}
         for slot in [slot for slot in self.slots if slot.name in serials]:
             serial = serials[slot.name]
-            self.slots.fill(slot, serial, self._attempts(serial))
+            self._fill(slot, serial)
         self._show_slots()
         self.slots.leave_out_others()
 
@@ -235,12 +235,11 @@ class RunStarter(QObject):
             ask(self._notice, "caution", refusal, {})
             header.focus_scan()
             return False
-        before = self._attempts(header.serial)
         self.leave_verdict()
         if slots.next is not None:
             serial, slot = header.serial, self._last_slot(header.serial) or slots.next
             moved = slot is not slots.next
-            slots.fill(slot, serial, before, passed=self._passed(serial))
+            self._fill(slot, serial)
             self._app.claim(*slots.units)
             header.set_serial("")
             self._notice.dismiss()
@@ -250,7 +249,8 @@ class RunStarter(QObject):
             self._await_start() if slots.full else header.focus_scan()
             return True
         self._app.claim(header.serial)
-        note = say(attempt_code(before, self._passed(header.serial)), count=before + 1)
+        before, serial = self._attempts(header.serial), header.serial
+        note = say(attempt_code(before, self._passed(serial), self._failed(serial)), count=before + 1)
         header.note_serial(note, accepted=True)
         self._await_start()
         return True
@@ -315,6 +315,11 @@ class RunStarter(QObject):
         app = self._app
         return RunRequest(serial, app.station_path, product, stages, app.runs_folder, **more)
 
+    def _fill(self, slot: Slot, serial: str) -> None:
+        """Assign a unit to a slot with what is known of its earlier runs."""
+        passed, failed = self._passed(serial), self._failed(serial)
+        self.slots.fill(slot, serial, self._attempts(serial), passed=passed, failed=failed)
+
     def _attempts(self, serial: str) -> int:
         """Return the number of earlier runs of a unit."""
         return History(self._app.runs_folder).attempts(serial)
@@ -322,6 +327,10 @@ class RunStarter(QObject):
     def _passed(self, serial: str) -> bool:
         """Return whether a unit has already passed."""
         return History(self._app.runs_folder).passed_before(serial) is not None
+
+    def _failed(self, serial: str) -> bool:
+        """Return whether a unit failed its last run with a verdict."""
+        return History(self._app.runs_folder).failures(serial) > 0
 
     def _note_next(self, *, accepted: bool | None = None) -> None:
         """Show next to the serial field to which unit or slot the next scan applies."""

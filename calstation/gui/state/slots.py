@@ -8,8 +8,13 @@ from PySide6.QtCore import QObject, Signal
 from calstation.messages import Text
 
 
-def attempt_code(attempts: int, passed: bool) -> str:
-    """Return the code of the note on an accepted unit with this number of earlier runs, one of which it `passed`."""
+def attempt_code(attempts: int, passed: bool, failed: bool) -> str:
+    """Return the code of the note on an accepted unit with this number of earlier runs.
+
+    The unit `failed` the last of those with a verdict, or `passed` one of them.
+    """
+    if failed:
+        return "operator.attempt_failed"
     return "operator.attempt_passed" if passed else "operator.attempt" if attempts else "operator.accepted"
 
 
@@ -24,6 +29,7 @@ class Slot:
     left_out: bool = False  #: Whether the unit of the last run is still in the slot but not in the next run.
     attempts: int = 0  #: Number of earlier runs of the unit.
     passed: bool = False  #: Whether the unit passed one of them.
+    failed: bool = False  #: Whether the unit failed the last of them with a verdict.
     #: Serial number and final state of the unit of the last run in this slot, which is being unloaded; None for none.
     last: tuple[str, str] | None = None
 
@@ -101,12 +107,12 @@ class Slots(QObject):
                 slot.suggested = bool(slot.serial)
         self.changed.emit()
 
-    def fill(self, slot: Slot, serial: str, attempts: int, *, passed: bool = False) -> None:
+    def fill(self, slot: Slot, serial: str, attempts: int, *, passed: bool, failed: bool) -> None:
         """Assign a unit to a slot, and remove a suggestion of the same serial number."""
         for other in self._slots:
             if other.serial == serial:
                 other.serial, other.suggested = "", False
-        slot.serial, slot.attempts, slot.passed = serial, attempts, passed
+        slot.serial, slot.attempts, slot.passed, slot.failed = serial, attempts, passed, failed
         slot.suggested = slot.skipped = slot.left_out = False
         self._chosen = None
         self.changed.emit()

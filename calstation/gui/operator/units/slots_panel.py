@@ -56,7 +56,7 @@ class _SlotTile(Tile):
         self.show_selected(is_next)
         self._icon.set_kind("good" if slot.serial else "active" if is_next else "none")
         if slot.serial:
-            code = attempt_code(slot.attempts, slot.passed)
+            code = attempt_code(slot.attempts, slot.passed, slot.failed)
             note = say("operator.suggested" if slot.suggested else code, count=slot.attempts + 1)
         elif slot.skipped:
             note = say("operator.stays_empty")
@@ -74,7 +74,7 @@ class _SlotTile(Tile):
         if slot.last is not None:
             serial, state = slot.last
             last = say("operator.last_unit", serial=serial, state=term("badge", state))
-            self._last.setText(f"{term('badge', state)} {serial}")
+            self._last.setText(last)
             self._last_icon.set_kind(KINDS.get(state, "none"))
         self._last_icon.setVisible(bool(last))
         self._last.setVisible(bool(last))
