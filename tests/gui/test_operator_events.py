@@ -398,6 +398,24 @@ def test_interrupted_unit_scanned_again_is_resumed_or_restarted(
     assert [request.resume and request.resume.name for request in started[2:]] == [None, log.name]
 
 
+def test_completed_stages_of_a_resumed_run_are_done_from_the_beginning(operator: Operator) -> None:
+    runs = operator.window.app.runs_folder
+    runs.mkdir()
+    log = write_dead_log(runs)
+    finish_incomplete(runs)
+    History(runs).refresh()
+    link, site = operator.window.app.engine_link, operator.site_folder
+    link.request = RunRequest("SN-000003", site.station, site.product, out=runs, resume=log)
+    link.running_changed.emit(True)
+    link.event.emit(StateChanged("preparing", "idle"))
+    stages = operator.widget("stage_list", QListWidget)
+    for language, done in (("en", "done"), ("zh_CN", "完成")):
+        operator.window.app.set_language(language)
+        operator.until(lambda: operator.run.state == "preparing")
+        assert stages.item(0).data(Qt.ItemDataRole.AccessibleTextRole).split(", ")[1:] == [done]
+        assert done not in stages.item(1).data(Qt.ItemDataRole.AccessibleTextRole)
+
+
 @pytest.mark.parametrize(("station", "offered"), [("test bench", True), ("another bench", False)])
 def test_interrupted_run_is_offered_only_at_its_station(operator: Operator, station: str, *, offered: bool) -> None:
     runs = operator.window.app.runs_folder

@@ -1,6 +1,7 @@
 """The status of the run, which is derived from the events of the engine."""
 
 import time
+from collections.abc import Sequence
 from typing import Any
 
 from PySide6.QtCore import QObject, QTimer, Signal
@@ -13,6 +14,7 @@ from calstation.gui.state.unit_status import TRANSFER, StageState, UnitStatus
 from calstation.gui.text import rendered, say
 from calstation.messages import Text
 from calstation.records import Verdict, can_be_resumed
+from calstation.results import History
 from calstation.runs import RunSummary, run_summary
 from calstation.sequencer import (
     DURATION,
@@ -397,6 +399,10 @@ class RunStatus(QObject):
         if self.register_operation:
             for unit in units:
                 unit.stages = [StageState(TRANSFER, DURATION) for row in unit.stages if row.name == TRANSFER]
+        elif request.resume is not None:
+            completed = _completed_stages(request, units)
+            for row in (row for unit in units for row in unit.stages if row.name in completed):
+                row.solve("good")
         return units
 
     def _handle_event(self, event: Event) -> None:
@@ -473,6 +479,14 @@ class RunStatus(QObject):
             self._paused_at = now
         elif not paused and self._paused_at:
             self._paused, self._paused_at = self._paused + now - self._paused_at, 0.0
+
+
+def _completed_stages(request: RunRequest, units: Sequence[UnitStatus]) -> tuple[str, ...]:
+    """Return the stages that the resumed runs of all units have completed, according to the index."""
+    history = History(request.out)
+    logs = {log.name for log in (*request.resumes, request.resume) if log is not None}
+    records = [record for unit in units for record in history.of(unit.serial) if record.log.name in logs]
+    return min((record.stages for record in records), key=len, default=())
 
 
 def stage_rows(run_summary: RunSummary) -> list[StageState]:
