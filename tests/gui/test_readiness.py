@@ -108,7 +108,7 @@ def test_scan_before_the_fault_is_read_says_what_to_do(simulated_run: Operator) 
     operator.scan("SN-000043")
     notice = operator.widget("operator_notice")
     words = [text.text() for text in notice.findChildren(QLabel) if text.isVisible()]
-    assert "Read the fault on the Operator page and press Understood first." in words
+    assert "Read the fault below and press Understood first." in words
     operator.press("acknowledge_button")
     assert "Read the fault" not in operator.says()
     assert operator.widget("serial_edit", QLineEdit).text() == "SN-000043"
