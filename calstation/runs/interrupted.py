@@ -43,15 +43,24 @@ class Interrupted:
         run = min(self.runs, key=lambda run: run.completed.amount)
         finished, serials = len(run.finished), [each.serial for each in self.runs]
         stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
-        code = "question.resume" if run.slot is None else "question.units_resume"
+        code = "question.units_resume" if len(serials) > 1 else "question.unit_resume"
+        code = "question.resume" if run.slot is None else code
         points, others = run.completed.points, self._reasons
         kept = Text.of("question.temperatures_kept", count=points) if points else ""
         notes = {"kept": kept, "others": others}
         both = Text("question.temperatures_kept_and", notes) if kept and others else kept or others
-        values = {"serial": run.serial, "serials": serials, "count": len(serials), "others": both, "kept": kept}
         at = "question.at_temperature" if points else "question.at_stage"
-        begin = Text.of(at, number=points + 1 if points else finished + 1)
-        return Text.of(code, number=finished + 1, stage=stage, when=run.started_utc, begin=begin, **values)
+        values = {
+            "serial": run.serial,
+            "serials": serials,
+            "count": len(serials),
+            "units": [f"{each.slot}: {each.serial}" for each in self.runs],
+            "slot": run.slot or "",
+            "others": both,
+            "kept": kept,
+            "begin": Text.of(at, number=points + 1 if points else finished + 1),
+        }
+        return Text.of(code, number=finished + 1, stage=stage, when=run.started_utc, **values)
 
     @property
     def _reasons(self) -> Text | str:

@@ -638,7 +638,14 @@ def test_interrupted_batch_is_resumed_together_from_its_page(operator: Operator,
     ]
     operator.window.operator_page._starting.interrupted.recover()
     operator.until(lambda: "2 units interrupted in stage 2" in operator.says())
-    assert "SN-000001, SN-000003. Not resumed: SN-000002 (no stage or temperature completed)." in operator.says()
+    start = operator.widget("start_button", QPushButton)
+    assert serials(operator) == ("", "", "")  # nobody has scanned a unit
+    for language, why in (("zh_CN", "请先回答关于中断标定的问题。"), ("en", "Answer the question about the interr")):
+        app.set_language(language)
+        assert not start.isEnabled()
+        assert start.toolTip().startswith(why)
+        assert "1: SN-000001" in operator.says()
+    assert "1: SN-000001, 3: SN-000003. Not resumed: SN-000002 (no stage or temperature completed)." in operator.says()
     assert operator.window.focusWidget() is operator.widget("later_choice")  # not what nobody has confirmed
     app.set_language("zh_CN")
     assert "不继续：SN-000002（没有完成任何阶段或温度点）" in operator.says()
@@ -647,6 +654,12 @@ def test_interrupted_batch_is_resumed_together_from_its_page(operator: Operator,
     (request,) = started
     assert (request.serials, request.resumes) == (("SN-000001", "", "SN-000003"), (logs[0], logs[2]))
 
+    app.resume_run.emit(logs[2])
+    operator.until(lambda: "2 units interrupted in stage 2" in operator.says())
+    operator.press("later_choice")
+    assert start.isEnabled()
+    assert "SN-000001" not in serials(operator)
+    assert all(serials(operator))
     app.resume_run.emit(logs[2])
     operator.until(lambda: "2 units interrupted in stage 2" in operator.says())
     operator.press("close_incomplete_job_choice")

@@ -13,6 +13,7 @@ from calstation.bench import BenchConfig
 from calstation.bench.live import LiveBench
 from calstation.config import RunRequest, load_configuration
 from calstation.errors import ConfigurationError, InputError
+from calstation.messages import sentence
 from calstation.results import History
 from calstation.runs import RunStart, find_interrupted, finish_incomplete
 from calstation.runs import run as run_module
@@ -92,6 +93,9 @@ def test_unit_in_another_slot_is_not_resumed_and_named(batch: SiteFolder) -> Non
     question = start.next_question()
     assert question is not None
     text = str(question.text)
+    assert "SN-000001 was interrupted in stage 2" in text
+    assert "Is this unit still in slot 1, untouched?" in text
+    assert "这个产品还在装夹位 1 上，没有动过吗？" in sentence(question.text, "zh_CN")
     for words in (
         "SN-000002 (in another slot before)",
         "SN-000003 (not in the slot now)",

@@ -39,6 +39,8 @@ class InterruptedRuns(QObject):
         self._serials: Collection[str] = ()
         self._log: Path | None = None
         self._otherwise: Callable[[], None] = lambda: None
+        #: Units of the interrupted runs that were found last.
+        self.serials: frozenset[str] = frozenset()
         self._search = app.job(self, find_interrupted, self._search_done, failed=self._search_failed)
         self._closing = app.job(self, close_incomplete_job)
         self._recovering = False  #: Whether `recover` has been called.
@@ -52,6 +54,11 @@ class InterruptedRuns(QObject):
         app.resume_run.connect(lambda log: self.offer(log=log))
         app.run.chamber_acknowledged.connect(self._chamber_looked_at)
         app.station_changed.connect(self._station_changed)
+
+    @property
+    def asking(self) -> bool:
+        """Whether the question about an interrupted run is open."""
+        return self._notice.offers("later_choice")
 
     def recover(self) -> None:
         """Write the results of aborted runs, deliver pending results, and offer to resume interrupted runs.
@@ -112,6 +119,7 @@ class InterruptedRuns(QObject):
         if self._app.engine_link.running or self.run_summary is None:
             return
         found = [each for each in found if (each.runs[0].slot is not None) == bool(self.run_summary.slots)]
+        self.serials = frozenset(run.serial for each in found for run in each.runs)
         if self._log is None:
             units = self._serials
             offered = [each for each in found if not units or any(run.serial in units for run in each.runs)]

@@ -165,6 +165,7 @@ class OperatorPage(Page):
         for entered in (header.serial_entered, header.serial_edited, header.start_pressed):
             entered.connect(self._show_readiness)
         header.serial_edit.textChanged.connect(self._show_readiness)
+        self.notice.changed.connect(self._show_readiness)
         header.product_combo.opening.connect(self._mark_products)
         header.product_selected.connect(app.set_product)
         header.product_selected.connect(header.focus_scan)
@@ -421,11 +422,13 @@ class OperatorPage(Page):
     def _show_readiness(self) -> None:
         """Show the message and the state of the run, and why it cannot start.
 
-        The page is not ready while a badge or a valid scan is missing, or a calibration is overdue.
+        The page is not ready while a badge, a valid scan or an answer is missing, or a calibration is overdue.
         """
         run = self.app.run
         self.header.set_start(self._why_not_start())
-        missing = self.header.badge_field.required or self._starting.refused is not None or bool(self._overdue())
+        starting = self._starting
+        missing = self.header.badge_field.required or starting.refused is not None or bool(self._overdue())
+        missing = missing or starting.interrupted.asking
         waits = run.display_state == "idle" and run.elsewhere is None and missing
         self._badge.show_state(*(("none", term("badge", "not_ready")) if waits else run_badge(run)))
         self._message.setText(self._message_text())
@@ -439,6 +442,8 @@ class OperatorPage(Page):
             return why_not
         if header.badge_field.required:
             return say("operator.sign_in")
+        if starting.interrupted.asking:
+            return say("operator.answer_first")
         if starting.slots and not starting.slots.units and not header.serial:
             return say("operator.no_unit")
         if not (starting.slots or header.serial):

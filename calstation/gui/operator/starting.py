@@ -54,6 +54,9 @@ class RunStarter(QObject):
         #: Why the entered serial number was refused; None if it was not.
         self.refused: Text | None = None
         self.interrupted = InterruptedRuns(app, header, notice, self._resume)
+        #: Whether the question about an interrupted run was open when the notice last changed.
+        self._resume_asked = False
+        notice.changed.connect(self._question_changed)
         header.serial_entered.connect(self.scan)
         header.serial_edited.connect(self.edited)
         header.scan_refused.connect(self._refuse_scan)
@@ -77,7 +80,7 @@ class RunStarter(QObject):
         """On the virtual bench, fill empty fields or slots with the serial numbers of units that have not passed yet.
 
         Earlier suggestions are removed. While verdicts are displayed, other units are suggested; none after a failed or
-        incomplete run of a single unit, which may be repeated.
+        incomplete run of a single unit, which may be repeated, nor for slots about whose units a question is open.
         """
         header, run, slots = self._header, self._app.run, self.slots
         self.refused = None
@@ -86,11 +89,13 @@ class RunStarter(QObject):
         slots.remove_units(only_suggested=True)
         displayed = [unit.serial for unit in run.units] if run.ended or run.fault is not None else []
         repeated = not slots and run.state in (Verdict.FAILED, Verdict.STOPPED, Verdict.INCOMPLETE)
+        repeated = repeated or (bool(slots) and self.interrupted.asking)
         if self.run_summary is not None and self.run_summary.virtual and not header.serial and not repeated:
             passed, summary = History(self._app.runs_folder).passed_units(), self.run_summary
 
             def unsuitable(serial: str) -> bool:
-                return serial in (*displayed, *slots.serials) or serial in passed
+                interrupted = bool(slots) and serial in self.interrupted.serials  # another slot might be suggested
+                return interrupted or serial in (*displayed, *slots.serials) or serial in passed
 
             if slots:
                 slots.suggest(lambda: suggested_serial(summary, unsuitable))
@@ -98,6 +103,13 @@ class RunStarter(QObject):
                 self._suggested = suggested_serial(summary, unsuitable)
                 header.set_serial(self._suggested)
         self._note_next()
+
+    def _question_changed(self) -> None:
+        """Replace the suggested units when the question about an interrupted run is asked or has been answered."""
+        if self.interrupted.asking != self._resume_asked:
+            self._resume_asked = self.interrupted.asking
+            if self.slots and self.refused is None and not self._app.engine_link.running:
+                self.suggest()
 
     def clear_units(self) -> None:
         """Remove the units of the last run, and suggest units for the next one."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from PySide6.QtCore import Qt
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import QFrame, QPushButton
 
@@ -27,6 +27,8 @@ class Choice:
 
 class NoticeBar(QFrame):
     """A bar for one notice or question, which replaces the previous one; hidden if there is nothing to show."""
+
+    changed = Signal()  #: Emitted after a notice or question has been shown or dismissed.
 
     def __init__(self, name: str = "") -> None:
         super().__init__()
@@ -71,6 +73,7 @@ class NoticeBar(QFrame):
         for choice in choices:
             if choice.primary:
                 self.button(choice.name).setFocus()
+        self.changed.emit()
 
     def inform(self, kind: str, title: Words, text: Words, then: Callable[[], None]) -> None:
         """Show a notice with a Close button; `then` is called after the notice is closed."""
@@ -84,6 +87,10 @@ class NoticeBar(QFrame):
         """Report every error of the jobs of a watch."""
         watch.failed.connect(lambda error: self.report(title, error, then))
 
+    def offers(self, name: str) -> bool:
+        """Return whether a choice, given by the object name of its button, is offered now."""
+        return name in self._choice_buttons
+
     def button(self, name: str) -> QPushButton:
         """Return the button of a choice by its object name."""
         return self._choice_buttons[name]
@@ -94,6 +101,7 @@ class NoticeBar(QFrame):
         self._choices = ()
         self._choice_buttons.clear()
         clear(self._buttons)
+        self.changed.emit()
 
     def refresh(self) -> None:
         """Update the texts of the title, the text and the buttons."""
