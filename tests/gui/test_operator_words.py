@@ -115,6 +115,25 @@ def test_operator_reads_no_file_and_key_of_a_wrong_entry(operator: Operator, sit
     assert not _TECHNICAL.search(notice.text_label.text())
 
 
+def test_operator_reads_which_entry_of_which_product_is_missing(operator: Operator, site_folder: SiteFolder) -> None:
+    product = tomllib.loads(site_folder.product.read_text(encoding="utf-8"))
+    del product["serial_pattern"]
+    site_folder.product.write_text(tomli_w.dumps(product), encoding="utf-8")
+    operator.window.app.product_changed.emit()
+    notice, name = operator.window.operator_page.notice, site_folder.product.stem
+    for code, title, text in (
+        (
+            "en",
+            "This station and product cannot run",
+            f"serial_pattern: The entry is missing. Ask an engineer to correct the product file “{name}”.",
+        ),
+        ("zh_CN", "这个工位和产品型号无法标定", f"serial_pattern：缺少此项。请工程师更正产品型号文件“{name}”。"),
+    ):
+        operator.window.app.set_language(code)
+        assert text in notice.text_label.text()
+        assert operator.says().count(title) >= 2  # the notice and the page use the same words
+
+
 def test_operator_reads_no_file_and_key_of_a_fault(operator: Operator, site_folder: SiteFolder) -> None:
     what = Text.of("entry.at", field="site.gravity_mps2", what=Text("site.gravity_missing"))
     panel = operator.window.operator_page._verdict
@@ -187,9 +206,7 @@ def test_operators_read_plain_words_in_both_languages() -> None:
     assert rendered(passed).remedy.startswith("于 ")
     assert rendered(passed).remedy.endswith(" 合格。要再标定一次吗？")
     assert say("answer.close_incomplete_job") == say("history.close_as_incomplete") == "结束，记为未完成"
-    assert (say("operator.suggested"), say("question.units_passed_before", serials=["SN-1"])) == (
-        "建议序列号",
-        "SN-1 已经合格",
-    )
+    assert say("operator.suggested") == "建议序列号"
+    assert rendered(Text.of("question.units_passed_before", serials=["SN-1"])).text == "SN-1 已经合格"
     language.use("en")
     assert "ask an engineer (sample rate)" in rendered(late).remedy

@@ -123,12 +123,12 @@ def test_slots_of_the_last_station_are_not_shown_at_an_unusable_one(operator: Op
     operator.window.app.set_station(library.find("stations", "virtual_hand"))
     assert not operator.widget("slot_16_tile").isVisible()
     assert not operator.window.operator_page._loading.isVisible()
-    assert "No run with this station and product" in operator.says()
+    assert "This station and product cannot run" in operator.says()
     operator.window.app.set_language("zh_CN")
-    assert "该工位和产品型号不能标定" in operator.says()
+    assert "这个工位和产品型号无法标定" in operator.says()
     operator.window.app.set_language("en")
     operator.choose("mems_hand")
-    assert "No run with this station and product" not in operator.says()
+    assert "This station and product cannot run" not in operator.says()
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (1366, 768), (1920, 1080)])

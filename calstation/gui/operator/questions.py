@@ -9,7 +9,7 @@ from calstation.config import ManualRigError, Person, RunRequest, load_station, 
 from calstation.database import Claim
 from calstation.errors import CalstationError
 from calstation.gui.state import AppContext, PeoplePanel, RunStatus
-from calstation.gui.text import for_operator, rendered, say, step_sentence, term
+from calstation.gui.text import engineer_corrects, for_operator, rendered, say, step_sentence, term
 from calstation.gui.widgets import Choice, NoticeBar
 from calstation.messages import Text, event_text
 from calstation.runs import Question, Role, RunStart
@@ -96,7 +96,7 @@ def refusal(code: str, error: CalstationError, *, engineer: bool) -> Text:
     plain = None if engineer else for_operator(message)
     if plain is None:
         return Text.of(f"question.{code}", why=message)
-    return Text.of(f"question.{code}_settings", why=plain, ask=Text("advice.engineer_corrects"))
+    return Text.of(f"question.{code}_settings", why=plain, ask=engineer_corrects(message))
 
 
 class FailingNotice(NoticeBar):

@@ -16,6 +16,7 @@ from calstation.gui.text.messages import (
     about,
     bind,
     duration_text,
+    engineer_corrects,
     fault_text,
     for_operator,
     offered_products,

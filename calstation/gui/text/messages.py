@@ -109,22 +109,31 @@ def fault_text(fault: Fault, *, engineer: bool = True) -> Rendered:
     plain = None if engineer else for_operator(message)
     if plain is None:
         return rendered(message, engineer=engineer)
-    return replace(rendered(plain), remedy=say("advice.engineer_corrects"))
+    return replace(rendered(plain), remedy=say(engineer_corrects(message)))
 
 
 def for_operator(message: Text) -> Text | None:
     """Return a message about an entry of a file without the file and its key; None for any other message.
 
-    The name of the field in the window replaces the key.
+    The name of the field in the window, if it has one, replaces the key.
     """
     if message.code not in _ABOUT_FILES:
         return None
     while message.code in _ABOUT_FILES and isinstance(what := message.values["what"], Text):
-        name = f"setting.{str(message.values.get('field', '')).rpartition('.')[2]}"
-        if known(name) and what.code not in _ABOUT_FILES:
-            return Text.of("entry.at", field=Text(name), what=what)
+        field = str(message.values.get("field", ""))
+        name = f"setting.{field.rpartition('.')[2]}"
+        if field and what.code not in _ABOUT_FILES:
+            return Text.of("entry.at", field=Text(name) if known(name) else field, what=what)
         message = what
     return message
+
+
+def engineer_corrects(message: Text) -> Text:
+    """Return the remedy of a message about an entry of a file: where an engineer corrects it."""
+    file = Path(str(message.values.get("file", "")))
+    if file.parent.name == "products":
+        return Text.of("advice.engineer_corrects_product", product=file.stem)
+    return Text("advice.engineer_corrects")
 
 
 def without_minus(text: str) -> str:
