@@ -74,7 +74,7 @@ class _SlotTile(Tile):
         if slot.last is not None:
             serial, state = slot.last
             last = say("operator.last_unit", serial=serial, state=term("badge", state))
-            self._last.setText(last)
+            self._last.setText(say("operator.last_serial", serial=serial))  # the symbol shows its verdict
             self._last_icon.set_kind(KINDS.get(state, "none"))
         self._last_icon.setVisible(bool(last))
         self._last.setVisible(bool(last))
