@@ -43,8 +43,9 @@ class Interrupted:
         run = min(self.runs, key=lambda run: run.completed.amount)
         finished, serials = len(run.finished), [each.serial for each in self.runs]
         stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
-        code = "question.units_resume" if len(serials) > 1 else "question.unit_resume"
-        code = "question.resume" if run.slot is None else code
+        several = len(serials) > 1
+        in_slot = run.slot is not None
+        code = "question.resume" if not in_slot else "question.units_resume" if several else "question.unit_resume"
         points, others = run.completed.points, self._reasons
         kept = Text.of("question.temperatures_kept", count=points) if points else ""
         notes = {"kept": kept, "others": others}
