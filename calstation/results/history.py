@@ -155,6 +155,11 @@ class History:
         runs = self._query(lambda: self._index.of_unit(serial, _PASSED, missing=True))
         return next((run.record for run in runs if not run.record.partial), None)
 
+    def failed_last(self, serial: str) -> bool:
+        """Return whether the unit's latest run with a verdict failed; partial runs do not count."""
+        runs = self._query(lambda: self._index.of_unit(serial, (*_PASSED, Verdict.FAILED), missing=True))
+        return next((run.record.verdict is Verdict.FAILED for run in runs if not run.record.partial), False)
+
     def result(self, record: RunRecord) -> Result:
         """Return the result of a run in the index, from its log if there is no result file. Raises InputError.
 

@@ -292,7 +292,7 @@ class EngineerPage(Page):
             self._header.serial_edit.clear()
             history = History(self.app.runs_folder)
             passed = history.passed_before(serial) is not None
-            slots.fill(slots.next, serial, history.attempts(serial), passed=passed, failed=history.failures(serial) > 0)
+            slots.fill(slots.next, serial, history.attempts(serial), passed=passed, failed=history.failed_last(serial))
         else:
             self.notice.ask("caution", refusal or "", "")
 

@@ -342,7 +342,7 @@ class RunStarter(QObject):
 
     def _failed(self, serial: str) -> bool:
         """Return whether a unit failed its last run with a verdict."""
-        return History(self._app.runs_folder).failures(serial) > 0
+        return History(self._app.runs_folder).failed_last(serial)
 
     def _note_next(self, *, accepted: bool | None = None) -> None:
         """Show next to the serial field to which unit or slot the next scan applies."""
