@@ -51,9 +51,9 @@ def test_chamber_of_a_run_that_died_must_be_looked_at_before_anything_else(
     assert offer not in operator.says(), "nothing is resumed before"
     operator.press("operator_page_chamber_notice_close")
     operator.until(lambda: offer in operator.says())
-    assert start.isEnabled()
     assert title not in operator.says()
     operator.press("later_choice")
+    assert start.isEnabled()
     page._starting.interrupted.recover()
     operator.until(lambda: offer in operator.says())
     assert title not in operator.says(), "it has been looked at after this run"
