@@ -132,7 +132,7 @@ def test_resumed_stage_shows_no_time_and_message_line_follows_the_language(simul
 
     language = simulated_run.widget("language_combo", QComboBox)
     language.setCurrentIndex(1)
-    end_run(simulated_run, "stopped")
+    end_run(simulated_run, "stopped", stages=[first, second])
     assert "已完成的阶段" in simulated_run.message
     language.setCurrentIndex(0)
     simulated_run.until(lambda: simulated_run.message.startswith("The completed stages are kept: resume after them"))

@@ -112,7 +112,10 @@ def test_attempt_beyond_the_allowed_number_is_in_the_audit_trail(site_folder: Si
     request = replace(site_folder.request(), beyond_attempts=True)
     prepared(site_folder, request)
     assert not events(home, "attempt_allowed"), "the first attempt needs no permission"
-    write(request.out, "a", request.serial, "failed", 1)
+    write(request.out, "another product", request.serial, "failed", 1)
+    prepared(site_folder, request)
+    assert not events(home, "attempt_allowed"), "failures as another product do not count"
+    write(request.out, "a", request.serial, "failed", 2, product="short", attempt=2)
     with raises_code(ConfigurationError, "run.attempts_used"):
         prepared(site_folder, site_folder.request())
     assert not events(home, "attempt_allowed")
@@ -120,7 +123,7 @@ def test_attempt_beyond_the_allowed_number_is_in_the_audit_trail(site_folder: Si
     (event,) = events(home, "attempt_allowed")
     assert event.by == "tester"
     about = {"serial": request.serial, "failures": 1, "allowed": 1, "product": "short", "station": "test bench"}
-    assert event.values == about
+    assert event.values == {**about, "pin": None}
 
 
 def test_no_run_that_writes_registers_starts_on_a_changed_audit_trail(site_folder: SiteFolder, home: Path) -> None:
