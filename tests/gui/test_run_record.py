@@ -247,7 +247,8 @@ def test_certificates_of_a_run_whose_log_was_deleted_are_listed(
 
 def test_issuers_are_those_of_the_audit_trail(site_folder: SiteFolder) -> None:
     append_audit(site_folder.home, "certificate", "E-7", certificate="N-1", content_sha256="ab", confirmed_by="Wu Fei")
-    assert _issuers({"E-7": "Qin Q"}) == {("N-1", "ab"): ("Qin Q", "Wu Fei")}
+    unproven = ("Qin Q (not authenticated)", "Wu Fei (not authenticated)")
+    assert _issuers({"E-7": "Qin Q"}, "en") == {("N-1", "ab"): unproven}
 
 
 @pytest.mark.parametrize(

@@ -264,7 +264,9 @@ def test_scans_give_a_sound_and_each_unit_is_confirmed_once(
     assert sounds == ["accepted", "accepted", "accepted", "refused"]
     assert "attempt 2, already passed" in tile(hardware, "slot_A_tile").accessibleName()
     assert "accepted" in tile(hardware, "slot_C_tile").accessibleName()
-    hardware.widget("serial_edit", QLineEdit).clear()
+    edit = hardware.widget("serial_edit", QLineEdit)
+    edit.selectAll()
+    hardware.qtbot.keyClick(edit, Qt.Key.Key_Delete)
     hardware.press("start_button")
     assert "Units that have already passed: SN-000001, SN-000002" in hardware.says()
     hardware.press("repeat_choice")
