@@ -116,6 +116,7 @@ def test_run_whose_files_are_removed_during_an_exchange_is_sent_when_they_are_re
         assert not any(
             json.loads(content)["missing"] for content in connection.execute(select(runs.c.content)).scalars()
         )
+    engine.dispose()
 
 
 def test_a_changed_result_replaces_the_run(url: str, stations: tuple[Path, Path]) -> None:

@@ -162,6 +162,7 @@ def test_run_is_paused_resumed_and_stopped_from_another_page(operator: Operator)
     assert operator.verdict == "STOPPED"
     assert "at rest" in operator.says()
     assert results(operator.site_folder)[0]["outcome"] == "stopped"
+    operator.scan(SERIAL)
     assert operator.widget("start_button").isEnabled()
 
 
