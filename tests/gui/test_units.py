@@ -281,7 +281,9 @@ def test_confirmations_for_several_units_are_asked_one_after_another(
     runs = hardware.site_folder.runs
     runs.mkdir()
     for number, outcome in (("1", "failed"), ("2", "passed")):
-        write_result(runs, f"SN-00000{number}_20261101T000000", 1, serial=f"SN-00000{number}", outcome=outcome)
+        write_result(
+            runs, f"SN-00000{number}_20261101T000000", 1, serial=f"SN-00000{number}", outcome=outcome, product="short"
+        )
     History(runs).refresh()
     hardware.site_folder.write({"attempts_allowed": 1})
     app = hardware.window.app
@@ -613,7 +615,7 @@ def test_units_finished_before_a_stop_are_not_offered_again(operator: Operator) 
     end_unit(operator, "1", "fault")
     operator.press("stop_button")
     link.event.emit(StateChanged("stopped", "stopping"))
-    end_unit(operator, "2", "stopped", advice="resume")
+    end_unit(operator, "2", "stopped", advice="resume", stages=["rate"])
     link._end()
     operator.until(lambda: "1 fault, 1 stopped" in operator.says())
     assert run_badge(operator.run)[0] == "caution"

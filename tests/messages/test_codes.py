@@ -30,6 +30,7 @@ COMPUTED = {
     "calstation/database/connect.py",
     "calstation/gui/engineer/schedule_form.py",
     "calstation/gui/operator/page.py",
+    "calstation/gui/operator/questions.py",
     "calstation/gui/settings/fields.py",
     "calstation/records/csv_table.py",
     "calstation/sequencer/guard.py",

@@ -110,7 +110,8 @@ class ControlView(QWidget):
         code = "chart.signals" if len(runs) else "chart.no_signals"
         note = say(code, count=len(runs), total=len(parameter.names))
         if count := len(runs) - len(shown):
-            note += "\n" + say("chart.signals_hidden", count=count, chart=say(f"quality.{hidden}"))
+            chart = say("quality.cusum" if hidden == "cusum" else "quality.ewma")
+            note += "\n" + say("chart.signals_hidden", count=count, chart=chart)
         self.note.setText(note)
 
     def _signal_cells(
