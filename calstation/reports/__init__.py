@@ -7,19 +7,16 @@ each part of a certificate, each of its file formats, and each step from its iss
 from calstation.reports.content import Certificate, build_certificate, certificate_number
 from calstation.reports.dcc import write_dcc
 from calstation.reports.issue import (
-    IssuedCertificate,
     IssueState,
-    ReportRequest,
     issue_certificate,
     issue_certificates,
     issue_report,
     issue_state,
-    issued_certificates,
     states_of_issue,
-    station_request,
 )
-from calstation.reports.issued_pdf import IssuedPdf
+from calstation.reports.issued_pdf import IssuedCertificate, IssuedPdf, issued_certificates
 from calstation.reports.label import label_template, print_label, print_labels
 from calstation.reports.pdf import compile_template
+from calstation.reports.request import ReportRequest, station_request
 from calstation.reports.time_stamp import stamp_trail, verify_time_stamp
 from calstation.reports.verification import CertificateState, read_verified_trail, verify_certificate, verify_reports

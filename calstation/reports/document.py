@@ -32,6 +32,7 @@ from calstation.physics import (
 from calstation.records import Verdict, context_from_meta
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import SOURCES, Budget
+from calstation.reports.charts import Charts, axis_of, capitalised, in_certificate_terms, stage_name
 from calstation.reports.content import (
     Certificate,
     Quantity,
@@ -118,7 +119,7 @@ class _Document:
             "deviations": [self._say(text) for text in deviations(certificate, self._analysis)],
             "registers": self._registers(),
             "configuration": self._configuration(),
-            "charts": self._charts(),
+            "charts": Charts(self._result, self._analysis, self._groups, self._language).sections(),
         }
 
     def _say(self, text: Text) -> str:
@@ -165,7 +166,7 @@ class _Document:
 
     def _group(self, group: str, rows: Sequence[Quantity]) -> dict[str, Any]:
         return {
-            "name": _capitalised(term("group", group, self._language)),
+            "name": capitalised(term("group", group, self._language)),
             "unit": unit_of_parameter(rows[0].name)[0],
             "rows": [self._row(group, quantity) for quantity in rows],
         }
@@ -175,7 +176,7 @@ class _Document:
         expanded = COVERAGE_FACTOR * sigma
         size = unit_of_parameter(q.name)[1]
         return {
-            "axis": _axis(group, q.name),
+            "axis": axis_of(group, q.name),
             "value": rounded(value, expanded),
             "expanded": rounded(expanded, expanded),
             "limit": NONE if q.limit is None else interval(*q.limit, size, q.value),
@@ -199,17 +200,10 @@ class _Document:
             "words": stage.replace("_", " "),
         }
         return (
-            _capitalised(self._in_certificate_terms(render(code, values, self._language, window=True).text))
+            capitalised(in_certificate_terms(render(code, values, self._language, window=True).text))
             if known(code)
             else check.name
         )
-
-    def _stage_name(self, stage: str) -> str:
-        return self._in_certificate_terms(term("stage", stage, self._language))
-
-    def _in_certificate_terms(self, text: str) -> str:
-        """Replace terms of the window with terms of certificates: in Chinese, 标定 with 校准."""
-        return text.replace("标定", "校准")
 
     def _check(self, check: Check) -> dict[str, Any]:
         unit, size = _UNITS.get(check.kind) or check_unit(check.unit)
@@ -249,7 +243,7 @@ class _Document:
             u = max(display(q.name, q.sigma)[0] for q in known_rows)
             rows.append(
                 {
-                    "name": _capitalised(term("group", group, self._language)),
+                    "name": capitalised(term("group", group, self._language)),
                     "unit": unit_of_parameter(known_rows[0].name)[0],
                     "shares": [max(0.0, shares[source]) for source in SOURCES],
                     "standard": rounded(u, u),
@@ -277,7 +271,7 @@ class _Document:
             change, turn_on = ([display(names[0], value)[0] for value in values] for values in reversed(changes))
             rows.append(
                 {
-                    "name": _capitalised(term("group", group, self._language)),
+                    "name": capitalised(term("group", group, self._language)),
                     "unit": unit_of_parameter(names[0])[0],
                     "power_up": short(float(f"{max(turn_on):.2g}")) if turn_on else NONE,
                     "latitude": short(float(f"{max(change):.2g}")) if change else NONE,
@@ -293,7 +287,7 @@ class _Document:
             *(name for name in registers if name not in INDEX),
         ]:
             before, after = (exact(display(name, value)[0]) for value in registers[name])
-            text, unit = _capitalised(parameter_name(name, self._language)), unit_of_parameter(name)[0]
+            text, unit = capitalised(parameter_name(name, self._language)), unit_of_parameter(name)[0]
             rows.append({"name": text, "unit": unit, "before": before, "after": after})
         return rows
 
@@ -321,7 +315,7 @@ class _Document:
         tested = consistency is not None and consistency.passed is not None
         by_hand = (Text("certificate.stage_ended_by_hand"),) * (stage in self._result.ended_by_hand)
         return {
-            "name": self._stage_name(stage),
+            "name": stage_name(stage, self._language),
             "text": self._say(Text(code)) if known(code) else "",
             "minutes": rounded((end - begin) / 60.0, 0.11) if math.isfinite(end) else NONE,
             "estimates": str(len(names | {q.name for q in self._certificate.quantities if q.stage == stage})),
@@ -330,7 +324,7 @@ class _Document:
             if consistency is not None and tested
             else NONE,
             "schedule": [
-                self._in_certificate_terms(entry)
+                in_certificate_terms(entry)
                 for entry in (
                     *schedule_words(stage, self._meta.schedule.get(stage, {}), self._language),
                     *map(self._say, by_hand),
@@ -369,7 +363,7 @@ class _Document:
             unit, size = check_unit(row.unit)
             rows.append(
                 {
-                    "text": _capitalised(term("verification_check", row.name, self._language)),
+                    "text": capitalised(term("verification_check", row.name, self._language)),
                     "value": short(row.value / size),
                     "expected": short(row.expected / size),
                     "tolerance": short(row.tolerance / size),
@@ -404,99 +398,3 @@ class _Document:
             "solved_with": result.software.version if result.software is not None else NONE,
             "written_with": __version__,
         }
-
-    def _charts(self) -> dict[str, Any]:
-        analysis = self._analysis
-        spans = [
-            {"name": self._stage_name(stage), "begin": a / 60.0, "end": b / 60.0}
-            for stage, (a, b) in analysis.spans.items()
-        ]
-        return {
-            "limits": [chart for g, rows in self._groups if (chart := self._limits_chart(g, rows)) is not None],
-            "time": analysis.time / 60.0,
-            "spans": spans,
-            "convergence": [self._convergence(*group) for group in self._groups if self._converges(group[1])],
-            "observability": [
-                {
-                    "name": _capitalised(term("group", group, self._language)),
-                    "rows": [
-                        {"axis": _axis(group, q.name), "ratio": analysis.before[i] / analysis.after[i]}
-                        for q in rows
-                        if (i := INDEX[q.name]) is not None and analysis.after[i] > 0.0
-                    ],
-                }
-                for group, rows in self._groups
-                if rows[0].name in INDEX
-            ],
-            "rests": [chart for stage in analysis.rests if (chart := self._rests(stage))["series"]],
-        }
-
-    def _limits_chart(self, group: str, rows: Sequence[Quantity]) -> dict[str, Any] | None:
-        points = []
-        for q in rows:
-            if q.limit is None or not all(map(math.isfinite, q.limit)):
-                continue
-            middle, half = 0.5 * (q.limit[0] + q.limit[1]), 0.5 * (q.limit[1] - q.limit[0])
-            compared = self._result.worst(q.name)[0]
-            points.append(
-                {
-                    "axis": _axis(group, q.name),
-                    "at": (compared.value - middle) / half,
-                    "half": COVERAGE_FACTOR * compared.sigma / half,
-                    "decision": q.decision,
-                }
-            )
-        return {"name": _capitalised(term("group", group, self._language)), "points": points} if points else None
-
-    def _converges(self, rows: Sequence[Quantity]) -> bool:
-        """Return whether a solver reported sigmas before the end of the stage."""
-        names = [INDEX[q.name] for q in rows if q.name in INDEX]
-        return bool(names) and bool((self._analysis.sigma[-2, names] != self._analysis.sigma[0, names]).any())
-
-    def _convergence(self, group: str, rows: Sequence[Quantity]) -> dict[str, Any]:
-        unit, size = unit_of_parameter(rows[0].name)
-        limits = [q.sigma_limit for q in rows if q.sigma_limit is not None]
-        return {
-            "name": _capitalised(term("group", group, self._language)),
-            "unit": unit,
-            "limit": min(limits) / size if limits else None,
-            "lines": [
-                {"axis": _axis(group, q.name), "sigma": self._analysis.sigma[:, INDEX[q.name]] / size} for q in rows
-            ],
-        }
-
-    def _rests(self, stage: str) -> dict[str, Any]:
-        rests = self._analysis.rests[stage]
-        (g_unit, g_size), (r_unit, r_size) = check_unit("m/s²"), check_unit("rad/s")
-        series = [
-            ("force", g_unit, rests.force / g_size, rests.force_sigma / g_size),
-            ("vertical", r_unit, rests.vertical_rate / r_size, rests.rate_sigma / r_size),
-            ("horizontal", r_unit, rests.horizontal_rate / r_size, rests.rate_sigma / r_size),
-        ]
-        # If the biases are not estimated, the output at rest is shown instead of residuals.
-        solved_groups = {group for group, _ in self._groups}
-        calibrated = {
-            "force": "accel_bias" in solved_groups,
-            "vertical": "gyro_bias" in solved_groups,
-            "horizontal": "gyro_bias" in solved_groups,
-        }
-        return {
-            "stage": self._stage_name(stage),
-            "up": [rests.axis(k).replace("-", "−") for k in range(len(rests))],
-            "series": [
-                {"name": name, "unit": unit, "value": value, "sigma": sigma}
-                for name, unit, value, sigma in series
-                if calibrated[name] and len(rests)
-            ],
-        }
-
-
-def _axis(group: str, name: str) -> str:
-    """Return the axes of a parameter and, if there are several secondaries, the number of the IMU."""
-    number = "".join(filter(str.isdigit, name))
-    axis = name.rpartition("_")[2] if name.translate(str.maketrans("", "", "0123456789")) != group else ""
-    return f"{axis} ({number})" if number else axis
-
-
-def _capitalised(text: str) -> str:
-    return text[:1].upper() + text[1:]

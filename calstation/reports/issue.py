@@ -16,17 +16,15 @@ from calstation.config import (
     ConfirmationRequired,
     Person,
     ProductConfig,
-    ReportSection,
     StationConfig,
     confirm,
     confirmation_required,
     load_station,
-    plain_text,
     site_folder,
 )
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
-from calstation.messages import Language, os_reason, render
+from calstation.messages import Language, os_reason
 from calstation.records import (
     IssuedReport,
     Log,
@@ -48,34 +46,13 @@ from calstation.reports.dcc import write_dcc
 from calstation.reports.deviations import deviations
 from calstation.reports.issued_pdf import IssuedPdf, find_pdfs, pdf_name
 from calstation.reports.pdf import Attachment, typeset, used_templates
+from calstation.reports.request import ReportRequest, default_report_folder, station_request
 from calstation.reports.signing import load_signer, sign_pdf, sign_xml
 from calstation.reports.source import load_source, read_source
 from calstation.results import Result, run_files
 
 #: Progress of the job, as a fraction, before the samples are analysed and before the PDF is typeset.
 _READ, _ANALYSED = 0.1, 0.97
-
-
-@dataclass(frozen=True)
-class ReportRequest:
-    """Source, destination and options of a report."""
-
-    source: Path  #: Result JSON, or a log.
-    out: Path  #: PDF to write, or the folder for a PDF that is named after the certificate.
-    language: Language = "en"
-    issued: date | None = None  #: Date of issue; None for `earliest_issue`.
-    received: date | None = None  #: Date of receipt of the unit; None for the date in the last issue, if any.
-    revise: str | None = None  #: Reason for a new revision; None for no revision.
-    templates: Path | None = None  #: Folder of templates that take precedence over the site's templates.
-    dcc: Path | None = None  #: File for the digital calibration certificate, which is also embedded in the PDF.
-    signing: Path | None = None  #: PKCS #12 file with which both are signed; None for no signatures.
-    first: Person | None = None  #: Person who issues the report; None for the program.
-    second: Person | None = None  #: Person who confirms a new certificate, if the product requires it.
-
-    def __post_init__(self) -> None:
-        """Remove control characters from the reason."""
-        if self.revise is not None:
-            object.__setattr__(self, "revise", plain_text(self.revise))
 
 
 @dataclass(frozen=True)
@@ -93,42 +70,6 @@ class IssueState:
     last: IssuedReport | None = None
     changed: bool = False
     pdf: IssuedPdf | None = None
-
-
-def station_request(
-    station: Path, section: ReportSection | None, result_file: Path, language: Language = "en"
-) -> ReportRequest:
-    """Return the request for a report according to the section `[report]` of a station file.
-
-    By default, the PDF is written to the folder ``certificates`` next to the folder of the runs, in `language`.
-    """
-    folder = report_folder(station, section) or default_report_folder(result_file.absolute().parent)
-    section, station_folder = section or ReportSection(), station.absolute().parent
-    if section.language is not None:
-        language = "zh_CN" if section.language == "zh" else "en"
-    return ReportRequest(
-        result_file.absolute(),
-        folder,
-        language,
-        templates=None if section.template is None else _resolve_path(station_folder, section.template),
-        signing=None if section.signing is None else _resolve_path(station_folder, section.signing.certificate),
-    )
-
-
-def report_folder(station: Path, section: ReportSection | None) -> Path | None:
-    """Return the folder for reports in the section `[report]` of a station file; None if it names none."""
-    return (
-        None if section is None or section.folder is None else _resolve_path(station.absolute().parent, section.folder)
-    )
-
-
-def default_report_folder(runs: Path) -> Path:
-    """Return the folder for reports next to a folder of runs."""
-    return runs.parent / "certificates"
-
-
-def _resolve_path(folder: Path, name: str) -> Path:
-    return folder / Path(name).expanduser()
 
 
 def issue_state(report: ProgressCallback, result_file: Path, station: Path | None, language: Language) -> IssueState:
@@ -162,58 +103,6 @@ def states_of_issue(
         report(number / len(result_files))
         states.append(issue_state(lambda *_, **__: None, result_file, station, language))
     return states
-
-
-@dataclass(frozen=True)
-class IssuedCertificate:
-    """A certificate that was issued, and its PDF, or None if the file is not in the folder of certificates."""
-
-    report: IssuedReport
-    pdf: IssuedPdf | None
-    intact: bool | None = None  #: As `IssuedPdf.intact`; None without a PDF.
-    #: Names of the persons who issued it, from the report or the audit trail; a name that no PIN proved says so.
-    people: tuple[str, ...] = ()
-
-
-def issued_certificates(
-    report: ProgressCallback, log: Path, station: Path | None, language: Language
-) -> list[IssuedCertificate]:
-    """Job: return the certificates of a run, the oldest first, each with a changed PDF or that in `language`.
-
-    Without either, it has the PDF in the other language. They are found by their number, the name of the log, so that
-    they are also known if the files of the run are missing. Raises InputError or ConfigurationError.
-    """
-    path, config = load_station(station)
-    folder = station_request(path, config.report, log, language).out
-    issued = issued_reports(log.absolute().parent, site_events(site_folder()), log.stem)
-    languages: tuple[Language, ...] = (language, "zh_CN" if language == "en" else "en")
-    pdfs = find_pdfs(folder, [each.identification for each in issued], languages)
-    names: Mapping[str, str] = {} if config.sign_in is None else config.sign_in.names
-    people = _issuers(names, language)
-    return [
-        IssuedCertificate(
-            each,
-            pdf,
-            None if pdf is None else pdf.intact(),
-            each.authorised or people.get((each.identification, each.content_sha256), ()),
-        )
-        for each, pdf in zip(issued, pdfs, strict=True)
-    ]
-
-
-def _issuers(names: Mapping[str, str], language: Language) -> dict[tuple[object, object], tuple[str, ...]]:
-    """Return who issued the certificates of the site by number and digest; `names` are those of the badges."""
-    people: dict[tuple[object, object], tuple[str, ...]] = {}
-    for event in site_events(site_folder()):
-        badges = filter(None, (event.by, event.confirmed_by))
-        if event.event == "certificate":
-            key = event.values.get("certificate"), event.values.get("content_sha256")
-            people[key] = tuple(names.get(badge, badge) for badge in badges)
-            if event.unproven:
-                people[key] = tuple(
-                    render("common.unproven", {"name": name}, language).sentences for name in people[key]
-                )
-    return people
 
 
 def issue_certificate(report: ProgressCallback, request: ReportRequest) -> Path:

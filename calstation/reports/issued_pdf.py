@@ -1,13 +1,15 @@
-"""PDFs of issued certificates, and their comparison with the digests in the audit trail of the site."""
+"""Issued certificates and their PDFs, which are compared with the digests in the audit trail of the site."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from calstation.config import site_folder
-from calstation.messages import Language
-from calstation.records import site_events
+from calstation.config import load_station, site_folder
+from calstation.jobs import ProgressCallback
+from calstation.messages import Language, render
+from calstation.records import AuditEvent, IssuedReport, issued_reports, site_events
+from calstation.reports.request import station_request
 
 
 @dataclass(frozen=True)
@@ -52,3 +54,56 @@ def file_digests(values: Mapping[str, object]) -> list[object]:
     """Return the SHA-256 of the files in an event of the audit trail."""
     files = values.get("files")
     return list(files.values()) if isinstance(files, dict) else []
+
+
+@dataclass(frozen=True)
+class IssuedCertificate:
+    """A certificate that was issued, and its PDF, or None if the file is not in the folder of certificates."""
+
+    report: IssuedReport
+    pdf: IssuedPdf | None
+    intact: bool | None = None  #: As `IssuedPdf.intact`; None without a PDF.
+    #: Names of the persons who issued it, from the report or the audit trail; a name that no PIN proved says so.
+    people: tuple[str, ...] = ()
+
+
+def issued_certificates(
+    report: ProgressCallback, log: Path, station: Path | None, language: Language
+) -> list[IssuedCertificate]:
+    """Job: return the certificates of a run, the oldest first, each with a changed PDF or that in `language`.
+
+    Without either, it has the PDF in the other language. They are found by their number, the name of the log, so that
+    they are also known if the files of the run are missing. Raises InputError or ConfigurationError.
+    """
+    path, config = load_station(station)
+    folder = station_request(path, config.report, log, language).out
+    issued = issued_reports(log.absolute().parent, site_events(site_folder()), log.stem)
+    languages: tuple[Language, ...] = (language, "zh_CN" if language == "en" else "en")
+    pdfs = find_pdfs(folder, [each.identification for each in issued], languages)
+    names: Mapping[str, str] = {} if config.sign_in is None else config.sign_in.names
+    people = _issuers(names, language)
+    return [
+        IssuedCertificate(
+            each,
+            pdf,
+            None if pdf is None else pdf.intact(),
+            each.authorised or people.get((each.identification, each.content_sha256), ()),
+        )
+        for each, pdf in zip(issued, pdfs, strict=True)
+    ]
+
+
+def _issuers(names: Mapping[str, str], language: Language) -> dict[tuple[object, object], tuple[str, ...]]:
+    """Return who issued the certificates of the site by number and digest; `names` are those of the badges."""
+
+    def shown(event: AuditEvent, badge: str) -> str:
+        name = names.get(badge, badge)
+        return render("common.unproven", {"name": name}, language).sentences if event.unproven else name
+
+    return {
+        (event.values.get("certificate"), event.values.get("content_sha256")): tuple(
+            shown(event, badge) for badge in (event.by, event.confirmed_by) if badge
+        )
+        for event in site_events(site_folder())
+        if event.event == "certificate"
+    }

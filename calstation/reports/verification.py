@@ -26,8 +26,8 @@ from calstation.records import (
     unrecorded_reports,
     verify_trail,
 )
-from calstation.reports.issue import default_report_folder, report_folder
 from calstation.reports.issued_pdf import file_digests
+from calstation.reports.request import default_report_folder, report_folder
 
 #: Maximum number of missing files that are named.
 _MAX_NAMES = 5

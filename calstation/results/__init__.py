@@ -14,7 +14,6 @@ from calstation.results.history import (
     ShiftCount,
     check_runs,
     count_shift,
-    ended_result,
     load_results,
     number_ranges,
     refresh_history,
@@ -71,4 +70,5 @@ from calstation.results.result import (
 from calstation.results.run_events import TimedEvent, load_events
 from calstation.results.solver_chain import StageChain, one_blas_thread, solve
 from calstation.results.stated import ADDED_LATER, altered_entry, difference, load_run_result, run_log
+from calstation.results.stored_runs import ended_result
 from calstation.results.temperature import compensate_samples, known_temperatures

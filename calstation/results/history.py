@@ -1,11 +1,8 @@
 """Searchable history of the runs in a folder, from an index of the runs' files, and counts of a shift."""
 
-import math
-import os
-import stat
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass, replace
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from datetime import UTC, datetime, time, timedelta
 from itertools import pairwise, takewhile
 from pathlib import Path
@@ -14,12 +11,10 @@ from typing import TYPE_CHECKING, TypeVar
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text
-from calstation.parsing import read_json
 from calstation.records import (
     LATEST_FIRST,
     SUFFIX,
     IndexedRun,
-    Log,
     ResolveRecord,
     RunChoices,
     RunColumns,
@@ -27,16 +22,13 @@ from calstation.records import (
     RunOrder,
     RunRecord,
     Verdict,
-    being_written,
-    can_be_resumed,
     last_result,
-    open_log,
     read_resolves,
     resolve_file,
-    solved_stages,
 )
 from calstation.results.result import NO_RESULT, SCHEMA, Parameter, Result, load_result
-from calstation.results.stated import ADDED_LATER, altered_entry, content_digest, load_run_result
+from calstation.results.stated import load_run_result
+from calstation.results.stored_runs import has_files, read_run, run_stamps
 
 if TYPE_CHECKING:
     from calstation.records import RunIndex
@@ -46,8 +38,6 @@ _BATCH = 100
 
 _PASSED = (Verdict.PASSED, Verdict.PARTIAL)
 _SOLVED = (*_PASSED, Verdict.FAILED)
-
-_MAX_ATTEMPTS = 1_000_000
 
 T = TypeVar("T")
 
@@ -83,17 +73,17 @@ class History:
     def refresh_in_parts(self) -> Iterator[tuple[int, float]]:
         """Update the index from the folder; yield the number of changed runs of each part, and the fraction done."""
         known = self._index.stamps()
-        files = _files(self._folder, known)
+        files = run_stamps(self._folder, known)
         removed = [name for name in known if name not in files]
         changed = [name for name, stamp in files.items() if known.get(name) != stamp]
         if removed:
-            missing = [name for name in removed if not _exists(self._folder, name)]
+            missing = [name for name in removed if not has_files(self._folder, name)]
             self._index.update([], set(removed).difference(missing), missing)
             yield len(removed), 0.0
         for start in range(0, len(changed), _BATCH):
             names = changed[start : start + _BATCH]
             earlier = self._known_without_log(names, known)
-            read = {name: _read(self._folder, name, files[name], earlier.get(name)) for name in names}
+            read = {name: read_run(self._folder, name, files[name], earlier.get(name)) for name in names}
             runs = [run for run in read.values() if run is not None]
             no_runs = [name for name, run in read.items() if run is None and name in known]
             self._index.update(runs, missing=no_runs)
@@ -250,8 +240,8 @@ def check_runs(folder: Path) -> tuple[list[Text], list[Text]]:
     """
     faults: list[Text] = []
     attempts: dict[str, set[int]] = {}
-    for name, stamp in sorted(_files(folder, {}).items()):
-        run = _read(folder, name, stamp)
+    for name, stamp in sorted(run_stamps(folder, {}).items()):
+        run = read_run(folder, name, stamp)
         if run is None:
             continue
         attempts.setdefault(run.record.serial, set()).add(run.record.attempt)
@@ -281,188 +271,6 @@ def load_results(report: ProgressCallback, folder: Path, runs: Sequence[RunRecor
         results.append(history.result(run))
         report(len(results) / len(runs))
     return results
-
-
-def _files(folder: Path, known: Mapping[str, str]) -> dict[str, str]:
-    """Return a stamp of each run's files by stem, except for logs that are still being written.
-
-    A log whose stamp equals its `known` stamp is not being written.
-    """
-    if not folder.is_dir():
-        return {}
-    stamps: dict[str, dict[str, str]] = {SUFFIX.removeprefix("."): {}, "json": {}}
-    with os.scandir(folder) as entries:
-        for entry in entries:
-            stem, _, suffix = entry.name.rpartition(".")
-            if suffix in stamps and stem and not stem.startswith("."):
-                try:
-                    status = entry.stat()
-                except OSError:  # such as a link to a file that has been removed
-                    continue
-                if stat.S_ISREG(status.st_mode):  # reading a pipe would wait forever
-                    stamps[suffix][stem] = f"{status.st_mtime_ns} {status.st_size}"
-    logs, results = stamps.values()
-    without_result = {stem: f"log {stamp}" for stem, stamp in logs.items() if stem not in results}
-    ended = {
-        stem: stamp
-        for stem, stamp in without_result.items()
-        if known.get(stem) == stamp or not _is_running(folder, stem)
-    }
-    return {**ended, **results}
-
-
-def _exists(folder: Path, name: str) -> bool:
-    """Return whether a run has a file; it is not listed while it is in progress."""
-    return (folder / f"{name}{SUFFIX}").exists() or (folder / f"{name}.json").exists()
-
-
-def _is_running(folder: Path, stem: str) -> bool:
-    """Return whether a run is still in progress, or its log cannot be read.
-
-    The lock is tested once without waiting, because each of up to 16 runs in progress is tested whenever one of them
-    ends. A log that another program tests at the same time is indexed by the next refresh.
-    """
-    try:
-        return being_written(folder / f"{stem}{SUFFIX}", within=0.0)
-    except InputError:
-        return True
-
-
-def _read(folder: Path, name: str, stamp: str, earlier: IndexedRun | None = None) -> IndexedRun | None:
-    """Read a run from its result, or from its log if it has no result; return None for other or damaged files.
-
-    `earlier` is the run in the index if its log is missing.
-    """
-    try:
-        run = _read_file(folder, name, stamp)
-        if run is not None and earlier is not None and _contradicts(run.record, earlier.record):
-            run = replace(earlier, stamp=stamp, record=replace(earlier.record, altered=True))
-        if run is not None:
-            _check_texts(run)
-    except (OSError, InputError, *NO_RESULT):
-        return None
-    return run
-
-
-def _contradicts(run: RunRecord, earlier: RunRecord) -> bool:
-    """Return whether a result file without a log differs from the result of the run in the index."""
-    return run.result_sha256 != earlier.result_sha256 if earlier.result_sha256 else earlier.altered
-
-
-def _read_file(folder: Path, name: str, stamp: str) -> IndexedRun | None:
-    path = folder / f"{name}.json"
-    if not stamp.startswith("log "):
-        return _from_file(folder, name, stamp, path)
-    contents = open_log(folder / f"{name}{SUFFIX}")
-    if contents.outcome is None:
-        return _from_log(folder, name, stamp, contents)
-    ended = ended_result(contents)
-    return None if ended is None else _from_result(folder, name, stamp, ended, None)
-
-
-def ended_result(log: Log) -> Result | None:
-    """Return the last result in the log of the run to which it belongs, or None if the log contains no valid one."""
-    try:
-        results = map(Result.from_json, reversed(log.results))
-        return next((result for result in results if _is_run(result, log.path.stem)), None)
-    except NO_RESULT:
-        return None
-
-
-def _from_file(folder: Path, name: str, stamp: str, path: Path) -> IndexedRun | None:
-    """Read a run from its result file or, if that was altered, from its log."""
-    content = read_json(path)
-    result = Result.from_json(content)
-    if not _is_run(result, name):
-        return None
-    run = _from_result(folder, name, stamp, result, path)
-    log = run.record.log
-    entry, stored = None, None
-    if log.is_file():
-        with suppress(InputError):  # a damaged log does not hide the run
-            stored = last_result(log)
-            entry = altered_entry(content, stored)
-    if entry is None:
-        return replace(run, record=replace(run.record, result_sha256=content_digest(content)))
-    digest, unconfirmed = "", False
-    if stored is None:
-        contents = open_log(log)
-        run, unconfirmed = _from_log(folder, name, stamp, contents), contents.outcome is None
-    else:
-        digest = content_digest(stored)
-        later = {key: content[key] for key in ADDED_LATER if key in content}
-        run = _from_result(folder, name, stamp, Result.from_json({**stored, **later}), path)
-    record = replace(run.record, result=path, altered=True, unconfirmed=unconfirmed, result_sha256=digest)
-    return replace(run, record=record)
-
-
-def _check_texts(run: IndexedRun) -> None:
-    """Raise ValueError if the index or the database cannot store the texts of a run."""
-    record = run.record
-    required_texts = (run.name, record.serial, record.started_utc, record.product, record.station, record.operator)
-    other_texts = (*record.stages, record.error, record.resumed_from, record.batch, record.slot)
-    "".join(filter(None, (*required_texts, *other_texts))).encode()  # raises for a lone surrogate
-    if "\0" in record.serial + record.started_utc:
-        raise ValueError("PostgreSQL has no such character")
-
-
-def _is_run(result: Result, name: str) -> bool:
-    """Return whether a result belongs to the run with this name instead of being a copy or an offline solution."""
-    return result.outcome != "resolved" and Path(result.log.file.replace("\\", "/")).stem == name
-
-
-def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Path | None) -> IndexedRun:
-    record = RunRecord(
-        serial=result.serial,
-        started_utc=result.started_utc or "",
-        verdict=result.verdict,
-        attempt=min(result.attempt, _MAX_ATTEMPTS),
-        product=result.product,
-        station=result.station,
-        operator=result.operator,
-        stages=tuple(result.solved_stages),
-        log=folder / f"{name}{SUFFIX}",
-        result=beside,
-        duration=result.duration_s if math.isfinite(result.duration_s) else 0.0,
-        error=result.end_reason,
-        resumed_from=result.resumed_from,
-        closed=result.closed_utc is not None,
-        partial=result.partial,
-        released=result.released,
-        check_standard=result.check_standard is not None,
-        batch=result.batch,
-        slot=result.slot,
-        resumable=result.advice == "resume",
-    )
-    finite = {name: row for name, row in result.parameters.items() if math.isfinite(row.value)}
-    values = {name: row.value for name, row in finite.items()}
-    sigmas = {name: row.sigma for name, row in finite.items() if math.isfinite(row.sigma)}
-    failed = tuple(check.id for check in result.failed_checks) if result.verdict.judged else ()
-    rows = {name: (row.value, row.sigma) for name, row in result.table.items()}
-    table = {name: row for name, row in rows.items() if all(map(math.isfinite, row))}
-    return IndexedRun(name, stamp, record, values, sigmas, failed, table)
-
-
-def _from_log(folder: Path, name: str, stamp: str, contents: Log) -> IndexedRun:
-    meta, run = contents.meta, contents.meta.run
-    record = RunRecord(
-        serial=meta.imu.serial,
-        started_utc=run.started_utc if run else "",
-        verdict=Verdict.INCOMPLETE,
-        attempt=run.attempt if run else 1,
-        product=meta.product.name if meta.product else None,
-        station=run.station if run else None,
-        operator=run.operator if run else None,
-        stages=solved_stages(contents.events),
-        log=folder / f"{name}{SUFFIX}",
-        result=None,
-        duration=0.0,
-        resumed_from=run.resumed_from if run else None,
-        batch=run.batch if run else None,
-        slot=run.slot if run else None,
-        resumable=can_be_resumed(contents.events),
-    )
-    return IndexedRun(name, stamp, record, {}, {})
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from calstation.gui.widgets import state_icon
 from calstation.messages import Text, local_time
 from calstation.records import IssuedReport, Verdict, append_audit
 from calstation.reports import IssuedCertificate, IssuedPdf
-from calstation.reports.issue import _issuers
+from calstation.reports.issued_pdf import _issuers
 from calstation.sequencer import (
     Fault,
     Finalized,

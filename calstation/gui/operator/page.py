@@ -9,11 +9,12 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from calstation.config import DEFAULT_PRODUCT, ManualRigError, RunRequest, compatible_products, load_station
+from calstation.config import DEFAULT_PRODUCT, load_station
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.live import LiveView
 from calstation.gui.operator.loading import Loading
+from calstation.gui.operator.next_run import read_next_run
 from calstation.gui.operator.production import ShiftCounter
 from calstation.gui.operator.questions import (
     ClaimNotice,
@@ -24,9 +25,7 @@ from calstation.gui.operator.questions import (
     closing_notice,
     has_pair,
     progress_message,
-    refusal,
     unsuitable_products,
-    wrong_rig,
 )
 from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
@@ -45,7 +44,6 @@ from calstation.gui.text import (
 from calstation.gui.widgets import (
     ROW,
     STEPS,
-    Choice,
     EmptyState,
     NoticeBar,
     PageArea,
@@ -61,7 +59,6 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import Text, joined
 from calstation.records import Verdict
-from calstation.runs import RunSummary, run_summary
 from calstation.sequencer import ChamberChanged, Event
 
 #: Number of visible rows of the event log.
@@ -262,7 +259,7 @@ class OperatorPage(Page):
         self._starting.dialog.drop()  # the notice refers to the previous station and product
         if app.product_path is not None:
             app.settings.setValue("product", app.product_path.stem)
-        summary, choices = self._summarise()
+        summary, self._problem, choices = read_next_run(app, self._products)
         self._watch.setVisible(has_pair(self.app.station_path))
         app.run.set_problem(self._problem)
         self._starting.set_next_run(summary)
@@ -284,34 +281,6 @@ class OperatorPage(Page):
                 question = Text.of(f"question.{selected}", stages=app.stages)
                 ask(self.notice, "caution", question, {"whole": lambda: app.choose(None, None)})
         self._refresh()
-
-    def _summarise(self) -> tuple[RunSummary | None, list[Choice]]:
-        """Return the summary of the next run or None, and choices of compatible products; set `_problem`."""
-        app = self.app
-        self._problem = None
-        if app.run.elsewhere is not None:
-            self._problem = Text("question.other_window")
-            return None, []
-        try:
-            request = RunRequest("-", app.station_path, app.product_path, app.stages, schedule=app.schedule)
-            return run_summary(request), []
-        except ManualRigError as error:
-            compatible = compatible_products(app.station_path, app.product_path)
-            display_names = {path: name for name, path in self._products}
-            names = ", ".join(f"“{display_names[path]}”" for _, path in compatible)
-            why = Text("window.pair_station") if has_pair(app.station_path) else Text(wrong_rig(error))
-            products = Text.of(
-                "window.compatible_products" if compatible else "window.no_compatible_product", names=names
-            )
-            self._problem = Text.of("question.wrong_table", why=why, products=products)
-            choices = []
-            for name, path in compatible[:2]:  # the notice lists all of them
-                words = Text.of("window.choose_product", name=display_names[path])
-                choices.append(Choice(f"product_choice_{name}", words, partial(app.set_product, path)))
-            return None, choices
-        except CalstationError as error:
-            self._problem = refusal("cannot_run", error, engineer=app.role.engineer)
-            return None, []
 
     def _mark_products(self) -> None:
         """Grey the products that the station cannot calibrate."""
