@@ -103,6 +103,16 @@ def test_second_engineer_confirms_an_override_if_the_product_requires_two(operat
     assert (event.by, event.confirmed_by) == ("B0001", "B0002")
 
 
+def run_and_issue(operator: Operator) -> None:
+    """Calibrate a unit and issue its certificate from the verdict."""
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    operator.until(lambda: operator.verdict)
+    operator.until_ended()
+    operator.press("certificate_button")
+    operator.until(lambda: "The certificate was issued" in operator.says())
+
+
 @pytest.mark.long
 def test_certificate_is_issued_from_the_verdict_and_from_the_history(
     operator: Operator, monkeypatch: pytest.MonkeyPatch
@@ -115,12 +125,7 @@ def test_certificate_is_issued_from_the_verdict_and_from_the_history(
 
     monkeypatch.setattr(QDesktopServices, "openUrl", open_url)
     use(operator, {})
-    operator.scan(SERIAL)
-    operator.press("start_button")
-    operator.until(lambda: operator.verdict)
-    operator.until_ended()
-    operator.press("certificate_button")
-    operator.until(lambda: "The certificate was issued" in operator.says())
+    run_and_issue(operator)
     operator.press("certificate_open_button")
     (pdf,) = opened
     assert pdf.parent == operator.site_folder.runs.parent / "certificates"
@@ -249,12 +254,7 @@ def test_revision_is_issued_only_by_an_engineer_with_a_pin(operator: Operator) -
     access.set_pin("", "000000")
     access.set_pin("000000", PINS["B0001"], "B0001")
     operator.qtbot.keyClicks(operator.widget("operator_edit", QLineEdit), "B0003\r")
-    operator.scan(SERIAL)
-    operator.press("start_button")
-    operator.until(lambda: operator.verdict)
-    operator.until_ended()
-    operator.press("certificate_button")
-    operator.until(lambda: "The certificate was issued" in operator.says())
+    run_and_issue(operator)
     operator.press("certificate_close_button")
     operator.window.show_page("history_page")
     operator.until(lambda: operator.widget("history_certificate_button").isVisible())
