@@ -2,6 +2,7 @@
 
 import _thread
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -154,6 +155,7 @@ def test_ctrl_c_stops_a_run(site_folder: SiteFolder) -> None:
     def interrupt(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
         _thread.interrupt_main()
 
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a test in the background ignores Ctrl-C
     with pytest.raises(KeyboardInterrupt):
         cs.run(site_folder.station, site_folder.product, "SN-000042", interrupt, out=site_folder.runs)
     (stored,) = site_folder.runs.glob("*.json")
