@@ -71,14 +71,14 @@ def _exit_code(site: SiteTrail) -> int:
 
 
 def show_evidence(file: Path, state: CertificateState, json: str | None) -> int:
-    """Show what the verification of a file has found; return the exit code of an input error if it was changed."""
+    """Show what the verification of a file has found; return 2, as for bad input, unless all was verified."""
     lines = [say(each.code, **each.values) for each in state.findings]
     emit({"file": str(file), "kind": "evidence", "intact": state.intact, "found": lines}, json, lines)
-    return 0 if state.intact else InputError.exit_code
+    return InputError.exit_code if not state.intact or state.cautions else 0
 
 
 def check_audit(file: Path | None, json: str | None) -> int:
-    """Verify an audit trail, by default that of the site; return the exit code of an input error if it was changed.
+    """Verify an audit trail, by default that of the site; return 2, as for bad input, unless all was verified.
 
     Raises InputError if `file` is missing.
     """

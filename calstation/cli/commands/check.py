@@ -69,7 +69,7 @@ def check(
 def _with_runs(folder: Path, state: CertificateState) -> CertificateState:
     """Add what contradicts the runs of a folder to what the verification of its record of reports has found."""
     faults, gaps = check_runs(folder)
-    return CertificateState((*state.findings, *faults, *gaps), state.intact and not faults)
+    return replace(state, findings=(*state.findings, *faults, *gaps), intact=state.intact and not faults)
 
 
 def show_recording(path: Path, recording: Inspection, json: str | None) -> int:
