@@ -106,17 +106,17 @@ def find_interrupted(progress: ProgressCallback, folder: Path, station: str | No
 def find_chamber_left(progress: ProgressCallback, folder: Path, station: Path | None) -> str:
     """Job: return the start of the latest run of a station if it left the chamber at an unknown temperature, or "".
 
-    It died after it had begun to change the temperature, or ended without the chamber back at ambient, and it is not
-    closed. The runs of a batch have one chamber.
+    It died after it had begun to change the temperature, or ended without the chamber back at ambient. Runs without a
+    verdict whose logs cannot be read count, too. The runs of a batch have one chamber.
     """
     here = load_station(station)[1]
     if here.chamber is None:
         return ""
     history = History(folder)
     history.refresh()
-    for latest in history.runs(RunFilter(station=here.name), 1):
-        together = history.runs(RunFilter(batch=latest.batch), None) if latest.batch else [latest]
-        if any(_left_chamber(run) for run in together if not (run.origin or run.closed)):
+    for latest in history.runs(RunFilter(station=here.name, missing=None), 1):
+        together = history.runs(RunFilter(batch=latest.batch, missing=None), None) if latest.batch else [latest]
+        if any(_left_chamber(run) for run in together if not run.origin):
             return latest.started_utc
     return ""
 
@@ -124,11 +124,11 @@ def find_chamber_left(progress: ProgressCallback, folder: Path, station: Path | 
 def _left_chamber(run: RunRecord) -> bool:
     """Return whether the log of a run begins to use the chamber, and does not say that it may be opened."""
     try:
-        log = None if being_written(run.log) else open_log(run.log)
+        if being_written(run.log):
+            return False
+        log = open_log(run.log)
     except (ConfigurationError, InputError):
-        return False
-    if log is None:
-        return False
+        return not run.verdict.judged
     used = any(each.get("event") == "StepStarted" and each.get("kind") in _CHAMBER_STEPS for each in log.events)
     messages = [each.get("id") for each in log.events if each.get("event") == "Message"]
     died = log.outcome is None and "chamber_may_be_opened" not in messages

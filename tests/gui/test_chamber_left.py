@@ -4,8 +4,8 @@ import pytest
 from PySide6.QtWidgets import QPushButton
 
 from calstation.gui.operator.advice import next_action
-from calstation.results import Result
-from calstation.runs import find_chamber_left, finish_incomplete
+from calstation.results import History, Result
+from calstation.runs import close_incomplete_job, find_chamber_left, finish_incomplete
 from calstation.sequencer import Event, Message, PointCompleted, StepStarted
 from tests.dead_logs import write_dead_log
 from tests.gui.conftest import RESULT, Operator
@@ -76,6 +76,21 @@ def test_log_says_whether_the_chamber_was_left(operator: Operator, events: tuple
     die(operator, *events)
     found = find_chamber_left(ignore_progress, operator.window.app.runs_folder, operator.site_folder.station)
     assert bool(found) is left
+
+
+@pytest.mark.parametrize("what", ["closed", "without log", "without files"])
+def test_chamber_was_left_also_by_a_run_that_was_closed_or_whose_log_is_missing(operator: Operator, what: str) -> None:
+    runs = operator.window.app.runs_folder
+    die(operator, SOAK)
+    (log,) = runs.glob("*.h5")
+    History(runs).refresh()
+    if what == "closed":
+        close_incomplete_job(ignore_progress, (log,), "li")
+    else:
+        log.unlink()
+    if what == "without files":
+        log.with_suffix(".json").unlink()
+    assert find_chamber_left(ignore_progress, runs, operator.site_folder.station)
 
 
 @pytest.mark.parametrize(
