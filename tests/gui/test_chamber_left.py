@@ -42,10 +42,13 @@ def test_chamber_of_a_run_that_died_must_be_looked_at_before_anything_else(
     app, page = operator.window.app, operator.window.operator_page
     die(operator, SOAK)
     app.set_language(language)
-    page._starting.interrupted.recover()
-    operator.until(lambda: title in operator.says())
     start = operator.widget("start_button", QPushButton)
     operator.scan("SN-000042")
+    assert start.isEnabled()
+    page._starting.interrupted.recover()
+    assert not start.isEnabled(), "the runs have not been read yet"
+    assert app.run.why_not_start == "operator.chamber_unchecked"
+    operator.until(lambda: title in operator.says())
     assert not start.isEnabled()
     assert start.toolTip() == why
     assert offer not in operator.says(), "nothing is resumed before"

@@ -1,10 +1,12 @@
 """The offer to resume or close interrupted runs."""
 
 from collections.abc import Callable, Collection
+from contextlib import suppress
 from pathlib import Path
 
 from PySide6.QtCore import QObject
 
+from calstation.config import load_station
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.questions import ask, refusal
@@ -46,7 +48,7 @@ class InterruptedRuns(QObject):
         self._recovering = False  #: Whether `recover` has been called.
         #: Start of the run that left the chamber at an unknown temperature; "" for none.
         self._left = ""
-        self._chamber = app.job(self, find_chamber_left, self._chamber_found, failed=lambda _: self.offer())
+        self._chamber = app.job(self, find_chamber_left, self._chamber_found, failed=lambda _: self._chamber_found(""))
         self._recovery = app.job(
             self, recover_at_startup, lambda done: self._show_delivery(done.delivery), failed=self._recovery_failed
         )
@@ -63,23 +65,31 @@ class InterruptedRuns(QObject):
     def recover(self) -> None:
         """Write the results of aborted runs, deliver pending results, and offer to resume interrupted runs.
 
-        If such a run left the chamber at an unknown temperature, the operator must look at it first.
+        If such a run left the chamber at an unknown temperature, the operator must look at it first. Nothing starts
+        before this is known.
         """
         self._recovering = True
         if self._app.runs_folder.is_dir():
-            self._chamber.start(self._app.runs_folder, self._app.station_path)
+            self._find_chamber_left()
             self._recovery.start(self._app.runs_folder, self._app.station_path)
 
     def _station_changed(self) -> None:
         if self._recovering and self._app.runs_folder.is_dir():  # the chamber is that of the other station
-            self._chamber.start(self._app.runs_folder, self._app.station_path)
+            self._find_chamber_left()
+
+    def _find_chamber_left(self) -> None:
+        with suppress(CalstationError):  # nothing starts at an unusable station
+            has_chamber = load_station(self._app.station_path)[1].chamber is not None
+            self._app.run.set_chamber_left(None if has_chamber else False)
+        self._chamber.start(self._app.runs_folder, self._app.station_path)
 
     def _chamber_found(self, left: str) -> None:
         """Say that the temperature of the chamber is unknown, unless the operator has looked at it after this run."""
-        if left and left != self._app.settings.value(_LOOKED_AT, "") and not self._app.engine_link.running:
-            self._left = left
-            self._app.run.leave_chamber()
-        else:
+        if left == self._app.settings.value(_LOOKED_AT, "") or self._app.engine_link.running:
+            left = ""
+        self._left = left or self._left
+        self._app.run.set_chamber_left(bool(left))
+        if not left:
             self.offer()
 
     def _chamber_looked_at(self) -> None:

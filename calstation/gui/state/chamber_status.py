@@ -54,6 +54,8 @@ class ChamberStatus:
     def __init__(self) -> None:
         self.latest: ChamberChanged | None = None
         self.access: Access = ""
+        #: Whether it is not known yet if an earlier run left the chamber at an unknown temperature.
+        self.unchecked = False
         self.track = Track()
 
     @property
@@ -97,9 +99,11 @@ class ChamberStatus:
         if self.access == "closed" or (self.access == "" and self.latest is not None):
             self.access = "unknown"
 
-    def leave(self) -> None:
-        """Process that an earlier run left the chamber at an unknown temperature."""
-        self.access = "unknown"
+    def set_left(self, left: bool | None) -> None:
+        """Set whether an earlier run left the chamber at an unknown temperature; None if this is not known yet."""
+        self.unchecked = left is None
+        if left:
+            self.access = "unknown"
 
     def acknowledge(self) -> None:
         """Remove the notice that the chamber may be opened, or that its state is not known."""

@@ -323,9 +323,9 @@ class RunStatus(QObject):
         self.state = state
         self.changed.emit()
 
-    def leave_chamber(self) -> None:
-        """Require that the operator looks at the chamber, which an earlier run left at an unknown temperature."""
-        self.chamber.leave()
+    def set_chamber_left(self, left: bool | None) -> None:
+        """Set whether an earlier run left the chamber at an unknown temperature; None if this is not known yet."""
+        self.chamber.set_left(left)
         self.changed.emit()
 
     def acknowledge_chamber(self) -> None:
@@ -350,7 +350,9 @@ class RunStatus(QObject):
             return "question.other_window"
         if self.fault is not None:
             return "operator.fault_open"
-        return "operator.chamber_unconfirmed" if self.chamber.must_stay_closed else ""
+        if self.chamber.must_stay_closed:
+            return "operator.chamber_unconfirmed"
+        return "operator.chamber_unchecked" if self.chamber.unchecked else ""
 
     def why_no_run(self, *, engineer: bool) -> str:
         """Return why no run may start with the station and the product, to an engineer or an operator, or ""."""
