@@ -242,7 +242,7 @@ def _with_hysteresis(
     points : all points, in order of time
     is_planned : see `fit_with_hysteresis`
     """
-    if _ways([p for p, _ in equations.points]) is None:
+    if _ways(equations) is None:
         return (*before.updated(equations.jacobian, equations.observed), np.zeros(COUNT))
     mean, covariance, rms = fit_with_hysteresis(equations, before, points, is_planned=is_planned)
     return mean, covariance + _of_constants(model, before.sigma, rms), rms
@@ -274,7 +274,7 @@ def _up_down(equations: Equations, before: Unknowns, prior: Posterior, groups: S
     prior : parameters before the calibration, whose sigmas bound the differences
     groups : groups with a difference
     """
-    ways = _ways([p for p, _ in equations.points])
+    ways = _ways(equations)
     if ways is None or not groups:
         return ()
     index = np.concatenate([group_indices(group) for group in groups])
@@ -368,7 +368,7 @@ def _tested(
     explain them fail the second one as scatter.
     """
     jacobian = equations.jacobian[:, sigma > 0.0] * sigma[sigma > 0.0]
-    hysteretic, ways = tuple[str, ...](), _ways([p for p, _ in equations.points])
+    hysteretic, ways = tuple[str, ...](), _ways(equations)
     while ways is not None:
         candidates = _candidates(model, equations, _Projector(jacobian), ways)
         best = max(candidates, key=lambda candidate: candidate.excess)
@@ -454,9 +454,9 @@ def _most_scattered(equations: Equations, projector: _Projector) -> str:
     return max(GROUPS, key=excess)
 
 
-def _ways(points: Sequence[TemperaturePoint]) -> FloatArray | None:
+def _ways(equations: Equations) -> FloatArray | None:
     """Return half a step up for points after a rise, and down after a fall; None if a way has too few points."""
-    ways = np.array([{"up": 0.5, "down": -0.5, "soak": 0.0}[p.way] for p in points])
+    ways = np.array([{"up": 0.5, "down": -0.5, "soak": 0.0}[p.way] for p, _ in equations.points])
     return ways if min(np.count_nonzero(ways > 0.0), np.count_nonzero(ways < 0.0)) >= _MIN_OF_WAY else None
 
 
