@@ -1,8 +1,9 @@
 """Hysteresis over temperature as a random process: its course is known, and its size is estimated from the residuals.
 
-A hysteresis is a sum of loops of several widths (Prandtl and Ishlinskii), whose sizes are random. A loop follows the
-temperature with play: after a turn it passes from one side to the other while the temperature changes by its width. It
-does not depend on the time, but on what came before the first temperature, which is unknown.
+A hysteresis is a sum of loops of several widths (Prandtl and Ishlinskii; see Brokate and Sprekels, Hysteresis and Phase
+Transitions, Springer, 1996), whose sizes are random. A loop follows the temperature with play: after a
+reversal it passes from one side to the other while the temperature changes by twice its half width. It does not depend
+on the time, but on the temperatures before the first point, which are unknown.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,7 +25,8 @@ _SIZES = np.geomspace(0.01, 1000.0, 120)
 #: Groups whose sigmas include the hysteresis that the data do not exclude.
 _EXPECTED = ("gyro_bias", "accel_bias")
 #: Twice the logarithm of the ratio of likelihoods from which another group has a hysteresis; 5 % of the groups without
-#: one exceed it.
+#: one exceed it, because a variance that is 0 is estimated as 0 in half of the cases (Self and Liang, Journal of the
+#: American Statistical Association 82, 1987, 605-610).
 _SIGNIFICANT = 2.7
 
 
@@ -32,19 +34,19 @@ _SIGNIFICANT = 2.7
 class _Parts:
     """Independent parts of the hysteresis of the parameters of a group."""
 
-    columns: FloatArray  #: Their observations, those of a parameter together, shape (n, k).
-    after_rise: FloatArray  #: Parts, relative to that of unit size, whose sum a parameter has after a rise, shape (j,).
+    columns: FloatArray  #: Their observations, those of a parameter together, shape (n, parameters of the group * j).
+    after_rise: FloatArray  #: Share of each part in the hysteresis of a parameter after a rise, shape (j,).
 
 
 def fit_with_hysteresis(
     equations: Equations, before: Unknowns, points: Sequence[TemperaturePoint], *, is_planned: bool = False
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the unknowns of a fit, their covariance, and the rms of the hysteresis in use, SI, shape (30,).
+    """Return the unknowns of a fit, their covariance, and the rms of the hysteresis in use.
 
-    The covariance contains what the course of the hysteresis during the calibration leaves unknown, but not the
-    hysteresis in use. The variance of a group is its mean given the residuals, with a prior that has no scale of its
-    own: the share of noise in the residuals is distributed uniformly (Daniels, Canadian Journal of Statistics 27(3),
-    1999).
+    They have the shapes (u,), (u, u) and (30,); the rms is in SI units. The covariance contains what the course of the
+    hysteresis during the calibration leaves unknown, but not the hysteresis in use. The variance of a group is its mean
+    given the residuals, with a prior that has no scale of its own: the share of noise in the residuals is distributed
+    uniformly (Daniels, Canadian Journal of Statistics 27(3), 1999).
 
     Parameters
     ----------
@@ -55,7 +57,8 @@ def fit_with_hysteresis(
     """
     courses = _loops(points)[[k for k, point in enumerate(points) if not point.is_held_out]]
     parts = {group: _parts(equations, group, courses) for group in GROUPS if not group.endswith("_lever")}
-    sizes = _sizes(equations, before, {group: found.columns for group, found in parts.items()}, is_planned=is_planned)
+    columns = {group: each.columns for group, each in parts.items()}
+    sizes = _sizes(equations, before, columns, is_planned=is_planned)
     jacobian, unknowns = [equations.jacobian], before
     for group, size in sizes.items():
         jacobian.append(parts[group].columns)
@@ -88,27 +91,30 @@ def _sizes(
     is_planned : whether nothing has been measured yet
     """
     basis, sizes = _basis(equations.jacobian[:, before.sigma > 0.0]), dict[str, float]()
-    left = {group: _without(basis, found) for group, found in columns.items() if found.any()}
+    remaining = {group: _without(basis, matrix) for group, matrix in columns.items() if matrix.any()}
     residual = _without(basis, equations.observed)
-    while left:
-        largest = {group: _likelihoods(*_squares(found, residual)).max() for group, found in left.items()}
+    while remaining:
+        largest = {group: _likelihoods(*_squares(matrix, residual)).max() for group, matrix in remaining.items()}
         group = max(largest, key=lambda name: largest[name])
         if is_planned or largest[group] <= _SIGNIFICANT:
-            left = {name: found for name, found in left.items() if name in _EXPECTED}
-            if not left:
+            remaining = {name: matrix for name, matrix in remaining.items() if name in _EXPECTED}
+            if not remaining:
                 break
-            group = next(iter(left))
-        u, values, _ = np.linalg.svd(left.pop(group), full_matrices=False)
+            group = next(iter(remaining))
+        u, values, _ = np.linalg.svd(remaining.pop(group), full_matrices=False)
         variance = _variance(values, np.ones(len(values)) if is_planned else (u.T @ residual) ** 2)
         sizes[group] = float(np.sqrt(variance))
         change = u * (1.0 / np.sqrt(1.0 + variance * values**2) - 1.0)
         residual = residual + change @ (u.T @ residual)
-        left = {name: found + change @ (u.T @ found) for name, found in left.items()}
+        remaining = {name: matrix + change @ (u.T @ matrix) for name, matrix in remaining.items()}
     return sizes
 
 
 def _loops(points: Sequence[TemperaturePoint]) -> FloatArray:
-    """Return the mean course of a hysteresis of unit variance at every point in independent parts, shape (n, 2, k)."""
+    """Return the mean of each independent loop at every point for gyros and accelerometers, shape (points, 2, loops).
+
+    The loops together are a hysteresis of unit variance.
+    """
     widths, states = (grid.ravel() for grid in np.meshgrid(_WIDTHS, _STATES))
     elements = [int(np.flatnonzero(element == ELEMENT_OF)[0]) for element in range(len(ELEMENTS))]
     means = np.zeros((len(points), len(ELEMENTS), len(widths)))
@@ -123,7 +129,7 @@ def _loops(points: Sequence[TemperaturePoint]) -> FloatArray:
 
 
 def _parts(equations: Equations, group: str, courses: FloatArray) -> _Parts:
-    """Return independent parts of the hysteresis of a group from courses of its parameters; see `_loops`."""
+    """Return independent parts of the hysteresis of a group from the loops at the fitted points; see `_loops`."""
     index = group_indices(group)
     u, values, v = np.linalg.svd(courses[:, ELEMENT_OF[index[0]]], full_matrices=False)
     kept = values > _NEGLIGIBLE * values.max(initial=0.0)
@@ -140,17 +146,18 @@ def _basis(jacobian: FloatArray) -> FloatArray:
 
 
 def _without(basis: FloatArray, rows: FloatArray) -> FloatArray:
+    """Return what the columns of an orthonormal basis, shape (n, k), do not explain of rows, shape (n, ...)."""
     return np.asarray(rows - basis @ (basis.T @ rows))
 
 
 def _squares(columns: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the singular values of columns, and the squares of the residual along them."""
+    """Return the singular values of columns, shape (k,), and the squares of the residual along them, shape (k,)."""
     u, values, _ = np.linalg.svd(columns, full_matrices=False)
     return values, (u.T @ residual) ** 2
 
 
 def _likelihoods(values: FloatArray, squares: FloatArray) -> FloatArray:
-    """Return twice the logarithm of the likelihood of every size, relative to none."""
+    """Return twice the logarithm of the likelihood of every size relative to size 0, shape (sizes,); see `_squares`."""
     ratios = np.outer(_SIZES, values / values[0]) ** 2
     return np.asarray(np.sum(squares * ratios / (1.0 + ratios) - np.log1p(ratios), axis=1))
 
