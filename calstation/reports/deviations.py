@@ -89,7 +89,7 @@ def _value_deviations(certificate: Certificate) -> Iterator[Text]:
         omitted = [stage for stage in product.get("stages", DEFAULT_STAGES) if stage not in result.stages]
         yield Text.of("certificate.d_partial", stages=omitted)
     if result.ended_by_hand:
-        yield Text.of("certificate.d_ended_by_hand", stages=result.ended_by_hand)
+        yield Text.of("advice.ended_by_hand", stages=result.ended_by_hand)
     if result.calibration is not None:
         calibration = result.calibration
         yield Text.of("certificate.d_calibration", date=calibration.started_utc[:10], log=calibration.log)

@@ -185,7 +185,7 @@ class History:
         return _absent(self._query(lambda: self._index.attempt_numbers(serial)))
 
     def failures(self, serial: str, product: str | None) -> int:
-        """Return the number of failures of the unit as a product since it last passed; partial runs do not count.
+        """Return the number of failures of the unit as a product since it last passed, also those of partial runs.
 
         Runs whose files are missing count, and so do later attempts of which no run is known, so that deleting files
         and index does not permit further attempts.

@@ -196,9 +196,9 @@ def test_a_stage_ended_by_hand_is_a_deviation_from_the_method(made: Made) -> Non
     stage = made.certificate.result.stages[0]
     result = made.certificate.result.model_copy(update={"ended_by_hand": [stage]})
     found = deviations(replace(made.certificate, result=result), made.analysis)
-    assert [t.values for t in found if t.code == "certificate.d_ended_by_hand"] == [{"stages": [stage]}]
+    assert [t.values for t in found if t.code == "advice.ended_by_hand"] == [{"stages": [stage]}]
     codes = {text.code for text in deviations(made.certificate, made.analysis)}
-    assert "certificate.d_ended_by_hand" not in codes
+    assert "advice.ended_by_hand" not in codes
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
