@@ -50,8 +50,6 @@ from calstation.config.run_configuration import (
     RunConfiguration,
     load_configuration,
     new_batch_id,
-    prepare_batch,
-    prepare_run,
     prepare_units,
     unit_files,
     unit_requests,

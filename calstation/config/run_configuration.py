@@ -321,17 +321,6 @@ def _check_configuration(setup: RunConfiguration, adjust: Adjustment) -> RunConf
     return setup
 
 
-def prepare_run(request: RunRequest, adjust: Adjustment = lambda setup: setup) -> RunConfiguration:
-    """Load the configuration of a request, and check the operator, the serial number and the site as well.
-
-    The request in the returned configuration contains the operator.
-    """
-    setup = _prepare(_read_configuration(request), adjust)
-    check_station(setup)
-    _check_plans(setup)
-    return setup
-
-
 def _prepare(setup: RunConfiguration, adjust: Adjustment) -> RunConfiguration:
     """Check a configuration, its operator and its serial number. Raises ConfigurationError."""
     setup = _check_configuration(setup, adjust)
@@ -386,16 +375,12 @@ def unit_requests(request: RunRequest) -> tuple[RunRequest, ...]:
     return tuple(replace(common, serial=serial, slot=name) for name, serial in occupied)
 
 
-def prepare_batch(request: RunRequest, adjust: Adjustment = lambda setup: setup) -> tuple[RunConfiguration, ...]:
-    """Return the configuration of each unit of a run, see `prepare_units`."""
-    return prepare_units(unit_requests(request), adjust)
-
-
 def prepare_units(requests: Sequence[RunRequest], adjust: Adjustment) -> tuple[RunConfiguration, ...]:
-    """Return the configuration for the request of each unit on the table, checked as by `prepare_run`.
+    """Return the configuration for the request of each unit on the table, with the operator.
 
-    Files, station and plans are read and checked once for all units whose slots differ only in name and port. Raises
-    ConfigurationError, also if the units cannot be on one table or have different plans.
+    The operator, the serial numbers and the site are checked, too. Files, station and plans are read and checked once
+    for all units whose slots differ only in name and port. Raises ConfigurationError, also if the units cannot be on
+    one table or have different plans.
     """
     path, station = load_station(requests[0].station)
     by_slot: dict[str, RunConfiguration] = {}

@@ -17,8 +17,6 @@ from calstation.config import (
     library,
     load_station,
     new_batch_id,
-    prepare_batch,
-    prepare_run,
     unit_requests,
 )
 from calstation.config.editing import check_data
@@ -30,6 +28,7 @@ from calstation.sequencer import table_task, unit_task
 from calstation.simulation import bench_config
 from calstation.simulation.fault_plan import with_faults
 from tests.helpers import error_code, raises_code
+from tests.prepared import prepare_batch, prepare_run
 from tests.site_folder import BENCH, PRODUCT, STATION, SiteFolder
 
 PORTS = ("/dev/ttyUSB1", "/dev/ttyUSB2")

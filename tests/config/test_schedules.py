@@ -5,9 +5,15 @@ from typing import Any
 
 import pytest
 
-from calstation.config import field_spec, prepare_run, schedule_fields, schedule_options, schedule_problems
+from calstation.config import (
+    field_spec,
+    schedule_fields,
+    schedule_options,
+    schedule_problems,
+)
 from calstation.errors import ConfigurationError
 from procedures import method
+from tests.prepared import prepare_run
 from tests.site_folder import PRODUCT, SiteFolder
 
 

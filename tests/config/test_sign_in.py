@@ -7,9 +7,17 @@ from typing import Any
 import pytest
 import tomli_w
 
-from calstation.config import SignInSection, computer_user, editing, library, load_product, prepare_run, versions
+from calstation.config import (
+    SignInSection,
+    computer_user,
+    editing,
+    library,
+    load_product,
+    versions,
+)
 from calstation.errors import ConfigurationError
 from calstation.runs import run_summary
+from tests.prepared import prepare_run
 from tests.site_folder import BENCH, PRODUCT, STATION, SiteFolder
 
 BADGES = {"badge_pattern": r"B\d{4}"}

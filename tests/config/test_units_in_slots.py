@@ -6,10 +6,13 @@ from pathlib import Path
 import pytest
 import tomli_w
 
-from calstation.config import RunRequest, prepare_batch
+from calstation.config import (
+    RunRequest,
+)
 from calstation.config.library import shipped_folder
 from calstation.physics import ALIGNED, INDEX, orientation_matrix
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
+from tests.prepared import prepare_batch
 
 
 @pytest.fixture

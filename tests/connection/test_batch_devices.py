@@ -6,7 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calstation.config import RunConfiguration, RunRequest, SlotSection, StationConfig, library, prepare_batch
+from calstation.config import (
+    RunConfiguration,
+    RunRequest,
+    SlotSection,
+    StationConfig,
+    library,
+)
 from calstation.connection import (
     Devices,
     LinkTestRequest,
@@ -19,6 +25,7 @@ from calstation.devices.imu import StreamedImu
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.schema import validate
 from tests.helpers import ignore_progress, raises_code
+from tests.prepared import prepare_batch
 from tests.site_folder import STATION
 
 SERIALS = ("SN-000001", "SN-000002", "SN-000003")

@@ -6,11 +6,16 @@ from typing import Any
 import pytest
 import tomli_w
 
-from calstation.config import RunConfiguration, RunRequest, StationConfig, prepare_run
+from calstation.config import (
+    RunConfiguration,
+    RunRequest,
+    StationConfig,
+)
 from calstation.connection import LinkTestRequest, check_imu_link, check_table_link
 from calstation.connection.devices import endpoints
 from calstation.errors import ConfigurationError
 from tests.helpers import raises_code
+from tests.prepared import prepare_run
 from tests.site_folder import STATION, SiteFolder
 
 

@@ -8,13 +8,19 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLabel, QLineEdit, QPushButton
 from pytestqt.qtbot import QtBot
 
-from calstation.config import access, computer_user, library, prepare_run, versions
+from calstation.config import (
+    access,
+    computer_user,
+    library,
+    versions,
+)
 from calstation.gui.settings import StationPage
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.text import language
 from calstation.records import audit_path, read_audit
 from tests.gui.conftest import SERIAL, Operator
+from tests.prepared import prepare_run
 from tests.site_folder import BENCH, STATION, SiteFolder
 
 PIN = "246813"

@@ -5,9 +5,12 @@ from datetime import UTC, datetime
 
 import pytest
 
-from calstation.config import RunRequest, prepare_run
+from calstation.config import (
+    RunRequest,
+)
 from calstation.physics import INDEX
 from calstation.records import prior_from_meta
+from tests.prepared import prepare_run
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 

@@ -15,11 +15,14 @@ from pyhanko_certvalidator import ValidationContext
 from signxml.xades.xades import XAdESVerifier
 
 from calstation.cli.app import run_app
-from calstation.config import ReportSection, prepare_run
+from calstation.config import (
+    ReportSection,
+)
 from calstation.config.station_sections import SigningSection
 from calstation.reports.signing import PASSWORD_VARIABLE
 from calstation.results import load_result
 from calstation.runs import closing
+from tests.prepared import prepare_run
 from tests.reports.dcc_reader import read_dcc
 from tests.reports.seal import KEYS, PASSWORD, pem, write_certificate
 from tests.shared_runs import SharedRuns

@@ -9,7 +9,10 @@ import tomli_w
 
 from calstation.bench import BenchConfig
 from calstation.bench.truth import Simulator
-from calstation.config import RunRequest, library, prepare_batch
+from calstation.config import (
+    RunRequest,
+    library,
+)
 from calstation.physics import INDEX, ORIENTATIONS
 from calstation.records import SUFFIX, RawLogWriter
 from calstation.results import resolve
@@ -17,6 +20,7 @@ from calstation.simulation import bench_config
 from procedures import method
 from tests.estimation.simulated_stages import block_of
 from tests.helpers import sampled
+from tests.prepared import prepare_batch
 
 LEVER = [0.3, -0.25, 0.1]
 

@@ -11,7 +11,13 @@ import numpy as np
 import pytest
 import tomli_w
 
-from calstation.config import RunRequest, check_station, library, load_station, prepare_run, schedule_options
+from calstation.config import (
+    RunRequest,
+    check_station,
+    library,
+    load_station,
+    schedule_options,
+)
 from calstation.connection import Devices, LinkTestRequest, check_table_link
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.messages import Text
@@ -26,6 +32,7 @@ from calstation.sequencer.guard import check_joints
 from calstation.simulation import BenchHooks
 from tests.gimbal_site import SCHEDULE, GimbalSite
 from tests.helpers import raises_code
+from tests.prepared import prepare_run
 from tests.site_folder import STATION
 
 MISALIGNMENTS = [NAMES[i] for i in group_indices("gyro_misalign")]

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 import tomli_w
 
-from calstation.config import RunRequest, is_manual_table, library, load_station, prepare_run, schedule_options
+from calstation.config import (
+    RunRequest,
+    is_manual_table,
+    library,
+    load_station,
+    schedule_options,
+)
 from calstation.connection import LinkTestRequest, check_table_link
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import ImuModel, Site, SolveContext, TableModel
@@ -18,6 +24,7 @@ from calstation.registers import AppliedRegisters, verify_output
 from calstation.results import compute_preview, resolve
 from calstation.runs import run_summary
 from calstation.sequencer import Message, PositionGuided, VerificationData
+from tests.prepared import prepare_run
 from tests.site_folder import STATION, SiteFolder
 
 SHORT = {"manual": True, "initial_rest_s": 5.0, "rest_s": 2.0, "step_deg": 120.0, "rate_dps": 90.0}

@@ -7,13 +7,20 @@ import numpy as np
 import pytest
 
 from calstation.bench import BenchClock, BenchHost
-from calstation.config import RunRequest, check, compatible_products, library, prepare_run, with_product
+from calstation.config import (
+    RunRequest,
+    check,
+    compatible_products,
+    library,
+    with_product,
+)
 from calstation.connection import RealClock
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError, InsufficientDataError
 from calstation.physics import NAMES, compose, group_matrix, group_vector
 from calstation.results import solve
 from calstation.simulation import bench_config
 from tests.helpers import raises_code
+from tests.prepared import prepare_run
 from tests.site_folder import SiteFolder
 
 
