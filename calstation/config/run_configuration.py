@@ -362,7 +362,7 @@ def unit_requests(request: RunRequest) -> tuple[RunRequest, ...]:
         raise ConfigurationError("batch.one_unit", station=path)
     if len(request.serials) > len(names):
         raise ConfigurationError("batch.more_than_slots", station=path, units=len(request.serials), slots=len(names))
-    occupied = [(name, serial) for name, serial in zip(names, request.serials, strict=False) if serial not in ("", "-")]
+    occupied = [(name, serial) for name, serial in zip(names, request.serials, strict=False) if serial]
     serials = [serial for _, serial in occupied]
     if not serials:
         raise ConfigurationError("batch.no_unit", station=path)

@@ -325,8 +325,7 @@ class RunDetails(QFrame):
             return ""  # the note on the override states the reason
         if run.verdict.judged and result is not None:
             if result.failed_checks:
-                guarded = any(check.acceptance is not None for check in result.failed_checks)
-                return say("history.outside_acceptance" if guarded else "history.outside_limits")
+                return say("history.outside_limits", limits=result.limits_text)
             return advice.reason(result.verdict, result)
         reason = ""
         if run.verdict is Verdict.INCOMPLETE:
