@@ -71,6 +71,18 @@ def test_chamber_is_named_although_nothing_can_be_resumed(operator: Operator) ->
     assert "interrupted" not in operator.says()
 
 
+def test_engineer_starts_nothing_before_the_chamber_was_looked_at(operator: Operator) -> None:
+    run = operator.window.app.run
+    operator.window.show_page("engineer_page")
+    start = operator.widget("engineer_start_button", QPushButton)
+    run.set_chamber_left(None)
+    assert "the runs are read" in start.toolTip()
+    run.set_chamber_left(True)
+    assert "Look at the chamber" in start.toolTip()
+    run.acknowledge_chamber()
+    assert "chamber" not in start.toolTip()
+
+
 @pytest.mark.parametrize(
     ("events", "left"),
     [((), False), ((SOAK,), True), ((SOAK, OPEN), False), ((SOAK, UNKNOWN), True)],

@@ -50,8 +50,8 @@ class EngineerPage(Page):
         self._suggested = ""
         #: Error in the station or product files that prevents a run.
         self._problem: CalstationError | None = None
-        #: Whether there is a fault, and why the station and the product are not usable for a run.
-        self._obstacles: tuple[bool, Text | None] = (False, None)
+        #: Code of the reason why nothing may start, and why the station and the product are not usable for a run.
+        self._obstacles: tuple[str, Text | None] = ("", None)
         self.header = self._header = EngineerHeader(app.run)
         self.choice = ChoicePanel()
         self._start_dialog = StartDialog(app, self.notice, "engineer_override", self._header.serial_edit.setFocus)
@@ -313,7 +313,7 @@ class EngineerPage(Page):
     def _run_changed(self) -> None:
         """Update the actions only after a change of what prevents a run; this slot is called many times per second."""
         self._show_next()
-        obstacles = self.app.run.fault is not None, self.app.run.problem
+        obstacles = self.app.run.why_not_start, self.app.run.problem
         if obstacles != self._obstacles:
             self._obstacles = obstacles
             self._update()
