@@ -33,7 +33,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.messages import Text, event_text
-from calstation.results import FinishedRun, History
+from calstation.results import FinishedRun
 from calstation.sequencer import Event, Finalized
 
 #: Width of the panel on the left, px.
@@ -290,9 +290,7 @@ class EngineerPage(Page):
         if refusal is None and slots.next is not None:
             self.notice.dismiss()
             self._header.serial_edit.clear()
-            history = History(self.app.runs_folder)
-            passed = history.passed_before(serial) is not None
-            slots.fill(slots.next, serial, history.attempts(serial), passed=passed, failed=history.failed_last(serial))
+            slots.fill(slots.next, serial, self.app.runs_folder)
         else:
             self.notice.ask("caution", refusal or "", "")
 

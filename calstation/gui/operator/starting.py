@@ -15,7 +15,7 @@ from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.interrupted import InterruptedRuns
 from calstation.gui.operator.questions import StartDialog, ask
-from calstation.gui.state import AppContext, Slot, UnitStatus, attempt_code
+from calstation.gui.state import AppContext, EarlierRuns, Slot, UnitStatus
 from calstation.gui.text import on_language_change, say, term
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
@@ -142,8 +142,7 @@ class RunStarter(QObject):
         self.slots.remove_units(only_suggested=True)
         serials = {unit.slot: unit.serial for unit in units}
         for slot in [slot for slot in self.slots if slot.name in serials]:
-            serial = serials[slot.name]
-            self._fill(slot, serial)
+            self.slots.fill(slot, serials[slot.name], self._app.runs_folder)
         self._show_slots()
         self.slots.leave_out_others()
 
@@ -251,7 +250,7 @@ class RunStarter(QObject):
         if slots.next is not None:
             serial, slot = header.serial, self._last_slot(header.serial) or slots.next
             moved = slot is not slots.next
-            self._fill(slot, serial)
+            self.slots.fill(slot, serial, self._app.runs_folder)
             self._app.claim(*slots.units)
             header.set_serial("")
             self._notice.dismiss()
@@ -261,9 +260,8 @@ class RunStarter(QObject):
             self._await_start() if slots.full else header.focus_scan()
             return True
         self._app.claim(header.serial)
-        before, serial = self._attempts(header.serial), header.serial
-        note = say(attempt_code(before, self._passed(serial), self._failed(serial)), count=before + 1)
-        header.note_serial(note, accepted=True)
+        earlier = EarlierRuns.of(self._app.runs_folder, header.serial)
+        header.note_serial(say(earlier.note), accepted=True)
         self._await_start()
         return True
 
@@ -326,23 +324,6 @@ class RunStarter(QObject):
     def _request(self, serial: str, product: Path | None, stages: tuple[str, ...] | None, **more: Any) -> RunRequest:
         app = self._app
         return RunRequest(serial, app.station_path, product, stages, app.runs_folder, **more)
-
-    def _fill(self, slot: Slot, serial: str) -> None:
-        """Assign a unit to a slot with what is known of its earlier runs."""
-        passed, failed = self._passed(serial), self._failed(serial)
-        self.slots.fill(slot, serial, self._attempts(serial), passed=passed, failed=failed)
-
-    def _attempts(self, serial: str) -> int:
-        """Return the number of earlier runs of a unit."""
-        return History(self._app.runs_folder).attempts(serial)
-
-    def _passed(self, serial: str) -> bool:
-        """Return whether a unit has already passed."""
-        return History(self._app.runs_folder).passed_before(serial) is not None
-
-    def _failed(self, serial: str) -> bool:
-        """Return whether a unit failed its last run with a verdict."""
-        return History(self._app.runs_folder).failed_last(serial)
 
     def _note_next(self, *, accepted: bool | None = None) -> None:
         """Show next to the serial field to which unit or slot the next scan applies."""

@@ -2,20 +2,33 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
 
 from calstation.messages import Text
+from calstation.results import History
 
 
-def attempt_code(attempts: int, passed: bool, failed: bool) -> str:
-    """Return the code of the note on an accepted unit with this number of earlier runs.
+@dataclass(frozen=True)
+class EarlierRuns:
+    """The earlier runs of a unit."""
 
-    The unit `failed` the last of those with a verdict, or `passed` one of them.
-    """
-    if failed:
-        return "operator.attempt_failed"
-    return "operator.attempt_passed" if passed else "operator.attempt" if attempts else "operator.accepted"
+    count: int = 0
+    passed: bool = False  #: Whether the unit passed one of them.
+    failed: bool = False  #: Whether the unit failed the last of them with a verdict.
+
+    @classmethod
+    def of(cls, folder: Path, serial: str) -> "EarlierRuns":
+        """Return the earlier runs of a unit in a folder."""
+        history = History(folder)
+        return cls(history.attempts(serial), history.passed_before(serial) is not None, history.failed_last(serial))
+
+    @property
+    def note(self) -> Text:
+        """The note on the accepted unit."""
+        code = "operator.attempt_passed" if self.passed else "operator.attempt" if self.count else "operator.accepted"
+        return Text.of("operator.attempt_failed" if self.failed else code, count=self.count + 1)
 
 
 @dataclass(eq=False)
@@ -27,9 +40,7 @@ class Slot:
     suggested: bool = False  #: Whether the virtual bench has suggested the serial number.
     skipped: bool = False  #: Whether scans skip the slot.
     left_out: bool = False  #: Whether the unit of the last run is still in the slot but not in the next run.
-    attempts: int = 0  #: Number of earlier runs of the unit.
-    passed: bool = False  #: Whether the unit passed one of them.
-    failed: bool = False  #: Whether the unit failed the last of them with a verdict.
+    earlier: EarlierRuns = EarlierRuns()
     #: Serial number and final state of the unit of the last run in this slot, which is being unloaded; None for none.
     last: tuple[str, str] | None = None
 
@@ -107,12 +118,12 @@ class Slots(QObject):
                 slot.suggested = bool(slot.serial)
         self.changed.emit()
 
-    def fill(self, slot: Slot, serial: str, attempts: int, *, passed: bool, failed: bool) -> None:
-        """Assign a unit to a slot, and remove a suggestion of the same serial number."""
+    def fill(self, slot: Slot, serial: str, folder: Path) -> None:
+        """Assign a unit with earlier runs in a folder to a slot, and remove a suggestion of its serial number."""
         for other in self._slots:
             if other.serial == serial:
                 other.serial, other.suggested = "", False
-        slot.serial, slot.attempts, slot.passed, slot.failed = serial, attempts, passed, failed
+        slot.serial, slot.earlier = serial, EarlierRuns.of(folder, serial)
         slot.suggested = slot.skipped = slot.left_out = False
         self._chosen = None
         self.changed.emit()

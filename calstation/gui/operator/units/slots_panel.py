@@ -6,7 +6,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame
 
 from calstation.gui.operator.units.tiles import Tile, arrange, pass_clicks
-from calstation.gui.state import Slot, Slots, attempt_code
+from calstation.gui.state import Slot, Slots
 from calstation.gui.text import KINDS, language, on_language_change, product_text, rendered, say, term
 from calstation.gui.widgets import (
     PANEL,
@@ -56,8 +56,7 @@ class _SlotTile(Tile):
         self.show_selected(is_next)
         self._icon.set_kind("good" if slot.serial else "active" if is_next else "none")
         if slot.serial:
-            code = attempt_code(slot.attempts, slot.passed, slot.failed)
-            note = say("operator.suggested" if slot.suggested else code, count=slot.attempts + 1)
+            note = say("operator.suggested" if slot.suggested else slot.earlier.note)
         elif slot.skipped:
             note = say("operator.stays_empty")
         elif slot.left_out and not is_next:
