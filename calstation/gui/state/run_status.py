@@ -395,7 +395,7 @@ class RunStatus(QObject):
         if summary is None:
             return (UnitStatus(request.serial),)
         slots = zip(summary.slots, request.serials, strict=False) if request.serials else (("", request.serial),)
-        occupied = [(serial, slot) for slot, serial in slots if serial not in ("", "-")]
+        occupied = [(serial, slot) for slot, serial in slots if serial]
         own = summary.slot_products
         units = tuple(UnitStatus(serial, slot, own.get(slot, ""), stage_rows(summary)) for serial, slot in occupied)
         if self.register_operation:
