@@ -179,6 +179,8 @@ def test_form_creates_the_request(designer: Designer) -> None:
     assert request.rate_dps is None, "500 is more than the table reaches"
     message = designer.widget("design_rate_spin_message", QLabel)
     assert message.text().startswith("500 was not accepted. Enter 0 to ")
+    assert message.property("kind") == "error"
+    assert designer.widget("design_rate_spin", QDoubleSpinBox).property("invalid"), "its border is red"
     language.use("zh_CN")
     assert message.text().startswith("未接受 500")
     language.use("en")

@@ -125,10 +125,12 @@ def test_number_outside_its_limits_stays_and_starts_nothing(
         qtbot.keyClicks(edit, typed)
         qtbot.mouseClick(form.findChild(QPushButton, press), Qt.MouseButton.LeftButton)
         assert edit.text() == typed
+        assert edit.property("invalid"), "its border is red"
         assert sentence in [each.text() for each in form.findChildren(QLabel) if each.isVisible()]
     assert (made, plans) == ([], [])
     bench.seed_edit.selectAll()
     qtbot.keyClicks(bench.seed_edit, "42")
+    assert not bench.seed_edit.property("invalid")
     assert seed not in [each.text() for each in bench.findChildren(QLabel) if each.isVisible()]
     qtbot.mouseClick(bench.make_button, Qt.MouseButton.LeftButton)
     assert made == [("mems", 42)]

@@ -383,6 +383,7 @@ def test_rejected_number_remains_and_nothing_starts_until_it_is_corrected(
     enter("999999999")
     assert page.solver.job is None
     assert last.lineEdit().text() == "999999999"
+    assert (first.property("invalid"), last.property("invalid")) == (None, True), "one border is red"
     for name in ("solve_button", "export_log_button", "allan_button"):
         assert not button(page, name).isEnabled()
         assert button(page, name).toolTip().startswith(words)
@@ -396,6 +397,7 @@ def test_rejected_number_remains_and_nothing_starts_until_it_is_corrected(
 
     page.range.set_button.menu().actions()[0].trigger()
     assert not note.isVisible()
+    assert not last.property("invalid")
     assert last.value() == int(last.lineEdit().text()) == facts.last_seq
     enter("999999999")
     assert note.isVisible()

@@ -274,8 +274,8 @@ class PlanForm(QWidget):
             [part.strip() for part in edit.text().replace("，", ",").split(",") if part.strip()] for edit in edits
         )
         now = datetime.now(UTC).replace(microsecond=0)
-        if self._trials.problem is not None:
-            show_text(self._problem, say(self._trials.problem))
+        if problem := self._trials.check():
+            show_text(self._problem, say(problem))
             return
         try:
             product = load_product(self._product())[1].name

@@ -70,7 +70,7 @@ class FormValues(QObject):
 
 
 class FormField(QWidget):
-    """A label, an input and its unit, with a message below the input: a problem, a warning or a hint.
+    """A label, an input and its unit, with a message below the input: a problem, a refusal, a warning or a hint.
 
     Subclasses arrange the widgets in `grid`.
 
@@ -91,6 +91,8 @@ class FormField(QWidget):
         self._source, self._key_path, self.editor = source, key_path, editor
         #: Key paths whose problems are shown here.
         self.key_paths: tuple[KeyPath, ...] = (key_path,)
+        #: Why the input does not accept its text, so that the source keeps the previous value.
+        self.refusal: Words = ""
         #: Warning about a valid but unlikely value, and text shown if there is neither a problem nor a warning.
         self.warning: Words = ""
         self.hint: Words = ""
@@ -122,6 +124,8 @@ class FormField(QWidget):
         problem = next((p for p in self._source.problems if self._shows(p.key_path)), None)
         if problem is not None:
             kind, text = "error", self.problem_text(problem)
+        elif text := say(self.refusal):
+            kind = "error"
         elif text := say(self.warning):
             kind = "caution"
         else:
@@ -129,10 +133,7 @@ class FormField(QWidget):
         show_text(self.message, text)
         if self.message.property("kind") != kind:
             theme.set_kind(self.message, kind)
-        invalid = problem is not None
-        if self.editor.property("invalid") != invalid:
-            self.editor.setProperty("invalid", invalid)
-            self.editor.style().polish(self.editor)
+        theme.set_invalid(self.editor, invalid=kind == "error")
         self.editor.setAccessibleDescription(text)
 
     def problem_text(self, problem: Problem) -> str:

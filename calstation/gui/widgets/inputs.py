@@ -132,7 +132,7 @@ class NumberEdit(TextEdit):
 
 
 class CountEdit(NumberEdit):
-    """An input for an integer between two limits, which keeps every typed text; `problem` explains a wrong one.
+    """An input for an integer between two limits, which keeps every typed text; `check` explains a wrong one.
 
     `words` is the code of its caption.
     """
@@ -143,12 +143,14 @@ class CountEdit(NumberEdit):
         self._words, self._limits = words, (low, high)
         self.setText(str(value))
         self.setFixedWidth(10 * theme.GRID)
+        self.typed.connect(lambda: theme.set_invalid(self, invalid=False))
 
-    @property
-    def problem(self) -> Text | None:
-        """Why the text is not an integer between the limits, or None."""
+    def check(self) -> Text | None:
+        """Return why the text is not an integer between the limits, and mark it until it is edited, or return None."""
         number, (low, high) = self.value(), self._limits
-        if isinstance(number, int) and low <= number <= high:
+        right = isinstance(number, int) and low <= number <= high
+        theme.set_invalid(self, invalid=not right)
+        if right:
             return None
         what = Text(self._words)
         return Text.of("form.wrong_count", what=what, typed=self.text().strip(), low=low, high=high)
@@ -248,6 +250,7 @@ class LimitedSpin(QDoubleSpinBox):
     def _note_text(self, text: str) -> None:
         corrected, self._entered, self.wrong = bool(self.wrong), text, ""
         if corrected:
+            theme.set_invalid(self, invalid=False)
             self.rejected.emit("")
 
     def _check_entered(self) -> None:
@@ -255,6 +258,7 @@ class LimitedSpin(QDoubleSpinBox):
         if text and self.validate(text, len(text))[0] != QValidator.State.Acceptable:
             self._entered = self.wrong = text
             self.lineEdit().setText(text)
+            theme.set_invalid(self, invalid=True)
             self.rejected.emit(text)
 
 

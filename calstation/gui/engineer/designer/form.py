@@ -211,7 +211,7 @@ class _SpinField(FormField):
 
     def refresh(self) -> None:
         """Show the value, and why an entered text is not accepted."""
-        self.warning = self.problem
+        self.refusal = self.problem
         super().refresh()
 
 

@@ -189,7 +189,7 @@ class BenchBox(QWidget):
         on_language_change(self, lambda: show_text(self._problem, ""))
 
     def _make(self) -> None:
-        problem = self.seed_edit.problem
+        problem = self.seed_edit.check()
         show_text(self._problem, "" if problem is None else say(problem))
         if problem is None:
             self.requested.emit(self.grade_combo.currentData(), self.seed_edit.value())
