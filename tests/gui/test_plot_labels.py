@@ -1,13 +1,16 @@
-"""Labels of axes are centred on their axes and do not cover the ticks; lines have captions."""
+"""Labels of axes are centred on their axes and do not cover the ticks, names do not overlap; lines have captions."""
 
+from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
 import pyqtgraph as pg
 import pytest
+from PySide6.QtGui import QFontMetrics, QGuiApplication, QImage, QPainter
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.engineer.diagnostics_views import ResidualsView
+from calstation.gui.quality.study_plots import StudyCharts, StudyValues
 from calstation.gui.text import language
 from calstation.gui.widgets import ThemedPlot
 from calstation.results import Diagnostics
@@ -29,6 +32,30 @@ def test_label_set_after_the_plot_is_shown_is_centred_beside_the_ticks(qtbot: Qt
         assert abs(along) < 2.0
     ticks = plot.getAxis("bottom").textHeight
     assert box.top() >= ticks - 5.0, "below the numbers"
+
+
+@pytest.mark.parametrize("stations", [(), ("line 3 left", "line 3 right")])
+def test_names_of_appraisers_do_not_overlap(qtbot: QtBot, stations: tuple[str, ...]) -> None:
+    operators = ("Wang Xiaoming", "Li Xiaohong", "Zhang Wei", "Constantinopoulos")
+    names = tuple(", ".join(each) for each in product(operators, stations)) if stations else operators
+    charts = StudyCharts()
+    qtbot.addWidget(charts)
+    charts.resize(800, 500)
+    charts.show_data(StudyValues("gyro_bias_x", "°/h", ("SN-1", "SN-2"), names, np.zeros((2, len(names), 3))))
+    charts.show()
+    qtbot.wait(50)
+    for plot in (charts.by_appraiser, charts.ranges):
+        axis, image = plot.getAxis("bottom"), QImage(8, 8, QImage.Format.Format_RGB32)
+        painter = QPainter(image)
+        painter.setFont(axis.style["tickFont"] or QGuiApplication.font())
+        _, _, texts = axis.generateDrawSpecs(painter)
+        painter.end()
+        assert len(texts) == len(names), "every name is drawn"
+        boxes = [rect for rect, _, _ in texts]
+        assert all(left.right() < right.left() for left, right in pairwise(boxes))
+        assert all(text.count("\n") == bool(stations) for _, _, text in texts)
+        lines = 1 + bool(stations)
+        assert axis.height() >= lines * QFontMetrics(QGuiApplication.font()).lineSpacing(), "no line is cut"
 
 
 @pytest.mark.parametrize(

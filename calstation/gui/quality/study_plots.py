@@ -118,7 +118,7 @@ class StudyCharts(QWidget, DataView[StudyValues]):
         self.by_unit.setLabel("bottom", f"{say('gauge.unit')} ({prefix}…)" if prefix else say("gauge.unit"))
         _draw_values(self.by_unit, units, data.values.reshape(len(units), -1))
         by_appraiser = np.moveaxis(data.values, 1, 0).reshape(len(data.appraisers), -1)
-        _draw_values(self.by_appraiser, data.appraisers, by_appraiser)
+        _draw_values(self.by_appraiser, _in_lines(data.appraisers), by_appraiser)
         self._draw_ranges(data)
 
     def _draw_ranges(self, data: StudyValues) -> None:
@@ -130,7 +130,7 @@ class StudyCharts(QWidget, DataView[StudyValues]):
         ranges = np.ptp(data.values, axis=-1)
         count, all_beyond = len(data.units), ranges_beyond(data.values)
         ticks = []
-        for number, name in enumerate(data.appraisers):
+        for number, name in enumerate(_in_lines(data.appraisers)):
             x = np.arange(count, dtype=np.float64) + number * (count + _GAP)
             _draw_points(plot, x, ranges[:, number], joined=True)
             beyond = all_beyond[:, number]
@@ -138,6 +138,7 @@ class StudyCharts(QWidget, DataView[StudyValues]):
             plot.addItem(pg.ScatterPlotItem(x[beyond], ranges[beyond, number], **style))
             ticks.append((float(x.mean()), name))
         plot.getAxis("bottom").setTicks([ticks])
+        plot.setXRange(-_GAP, len(ticks) * (count + _GAP) - _GAP, padding=0)
         plot.setYRange(0.0, max(limits[2], float(ranges.max())))
 
 
@@ -146,6 +147,11 @@ def _share(study: GaugeStudy, part: str) -> float:
     variation = getattr(study, part)
     percent = variation.percent_tolerance
     return float(variation.percent_study if percent is None else percent)
+
+
+def _in_lines(appraisers: Sequence[str]) -> list[str]:
+    """Return the names of appraisers with operator and station in separate lines."""
+    return [name.replace(", ", "\n") for name in appraisers]
 
 
 def _draw_values(plot: ThemedPlot, names: Sequence[str], values: FloatArray) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.exporters import CSVExporter
 from PySide6.QtCore import QPointF, QRectF, Qt, Signal
-from PySide6.QtGui import QColor, QContextMenuEvent, QGuiApplication, QImage, QPainter, QPaintEvent, QPen
+from PySide6.QtGui import QColor, QContextMenuEvent, QFontMetrics, QGuiApplication, QImage, QPainter, QPaintEvent, QPen
 from PySide6.QtSvg import QSvgGenerator
 from PySide6.QtWidgets import QMenu, QSizePolicy, QWidget
 
@@ -156,7 +157,12 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 class NumberAxis(pg.AxisItem):  # type: ignore[misc]
-    """An axis with minus signs instead of hyphens, on which labels do not overlap even if the axis is short."""
+    """An axis with minus signs instead of hyphens, on which labels do not overlap even if the axis is short.
+
+    Names of ticks below a plot are shortened in the middle.
+    """
+
+    _tickLevels: Any
 
     def tickSpacing(self, minVal: float, maxVal: float, size: float) -> list[tuple[float, float]]:
         """Return the spacings of labelled and smaller ticks; on a vertical axis, labels need their height."""
@@ -168,6 +174,34 @@ class NumberAxis(pg.AxisItem):  # type: ignore[misc]
     def tickStrings(self, values: Sequence[float], scale: float, spacing: float) -> list[str]:
         """Return the labels of ticks."""
         return [with_minus(text) for text in super().tickStrings(values, scale, spacing)]
+
+    def setTicks(self, ticks: Any) -> None:
+        """Set the ticks and, below a plot, space for the lines of their names."""
+        lines = max((name.count("\n") + 1 for level in ticks or [] for _, name in level), default=1)
+        if self.orientation == "bottom":
+            self.setHeight(lines * self._metrics().lineSpacing() + theme.GRID if lines > 1 else None)
+        super().setTicks(ticks)
+
+    def _metrics(self) -> QFontMetrics:
+        return QFontMetrics(self.style["tickFont"] or QGuiApplication.font())
+
+    def generateDrawSpecs(self, p: QPainter) -> Any:
+        """Return what is drawn; each line of a name is shortened to the distance between the ticks."""
+        names = self._tickLevels
+        if names and self.orientation == "bottom":
+            self._tickLevels = [[(at, self._short(name)) for at, name in level] for level in names]
+        try:
+            return super().generateDrawSpecs(p)
+        finally:
+            self._tickLevels = names
+
+    def _short(self, name: str) -> str:
+        low, high = self.range
+        places = sorted(at for at, _ in self._tickLevels[0])
+        distance = min((after - before for before, after in pairwise(places)), default=high - low)
+        space = int(distance * self.width() / ((high - low) or 1.0)) - theme.GRID // 2
+        metrics, middle = self._metrics(), Qt.TextElideMode.ElideMiddle
+        return "\n".join(metrics.elidedText(line, middle, space) for line in name.split("\n"))
 
 
 class CountAxis(NumberAxis):
