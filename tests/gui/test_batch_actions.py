@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QPushButton, Q
 from calstation.config import ConfirmationRequired, RunRequest, computer_user
 from calstation.errors import InputError
 from calstation.gui.operator.production import document_buttons
-from calstation.gui.widgets import StateIcon
+from calstation.gui.widgets import ElidedLabel, StateIcon
 from calstation.jobs import ProgressCallback
 from calstation.messages import Language, Text
 from calstation.records import Verdict
@@ -156,6 +156,9 @@ def test_slots_show_the_last_verdicts_while_the_next_units_are_scanned(operator:
     assert "上一台：不合格 SN-000002" in tile(operator, "slot_2_tile").accessibleName()
     shown = [each.text() for each in tile(operator, "slot_2_tile").findChildren(QLabel) if each.isVisible()]
     assert "上一台：SN-000002" in shown
+    label = next(each for each in tile(operator, "slot_2_tile").findChildren(ElidedLabel) if "上一台" in each.text())
+    label.setFixedWidth(100)
+    assert label.shortened().endswith("0002"), "serial numbers differ at their end"
     operator.window.app.set_station(operator.site_folder.station)  # the units of another station are not meant
     assert "上一台" not in tile(operator, "slot_2_tile").accessibleName()
 

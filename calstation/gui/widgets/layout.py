@@ -351,10 +351,11 @@ def enable(widget: QWidget, why_not: str, tip: str = "") -> None:
 
 
 class ElidedLabel(PlainLabel):
-    """A line of text that ends in an ellipsis if it is too long; the tooltip shows the whole text."""
+    """A line of text that is shortened at the end, or elsewhere, if it is too long; the tooltip shows all of it."""
 
-    def __init__(self, kind: str = "") -> None:
+    def __init__(self, kind: str = "", mode: Qt.TextElideMode = Qt.TextElideMode.ElideRight) -> None:
         super().__init__()
+        self._mode = mode
         if kind:
             self.setProperty("kind", kind)
         self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
@@ -372,9 +373,12 @@ class ElidedLabel(PlainLabel):
     def paintEvent(self, event: QPaintEvent) -> None:
         """Draw as much of the text as fits."""
         painter = QPainter(self)
-        text = self.fontMetrics().elidedText(self.text(), Qt.TextElideMode.ElideRight, self.width())
         painter.setPen(self.palette().color(self.foregroundRole()))
-        painter.drawText(self.rect(), int(self.alignment()), text)
+        painter.drawText(self.rect(), int(self.alignment()), self.shortened())
+
+    def shortened(self) -> str:
+        """Return as much of the text as fits."""
+        return self.fontMetrics().elidedText(self.text(), self._mode, self.width())
 
 
 class PageArea(QScrollArea):

@@ -31,7 +31,8 @@ class _SlotTile(Tile):
         super().__init__(f"{prefix}slot_{slot.name}_tile")
         self.slot, self._slots = slot, slots
         self._icon, self._name = StateIcon(18), ElidedLabel("muted")
-        self._last_icon, self._last = StateIcon(16), ElidedLabel()
+        # serial numbers differ at their end
+        self._last_icon, self._last = StateIcon(16), ElidedLabel(mode=Qt.TextElideMode.ElideMiddle)
         self._serial, self._note = ElidedLabel(), ElidedLabel("muted")
         self._serial.setFont(theme.font(theme.SECTION, bold=True))
         self.action = button(f"{prefix}slot_{slot.name}_button", pressed=self._act)
