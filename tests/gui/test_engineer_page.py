@@ -735,6 +735,7 @@ def test_result_of_another_unit_is_marked_until_that_unit_is_scanned(engineer: E
 def test_registers_that_a_partial_run_writes_are_announced_beside_start(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("stage_check_six_position")
+    engineer.type("engineer_serial_edit", SERIAL)
     for code, start, said in (
         ("en", "START PARTIAL", "Writes the registers of a unit within its limits"),
         ("zh_CN", "", "符合限差时写入产品的寄存器"),
@@ -744,6 +745,22 @@ def test_registers_that_a_partial_run_writes_are_announced_beside_start(engineer
         shown = [label for label in engineer.page.header.findChildren(QLabel) if label.text() == said]
         assert [label.isVisibleTo(engineer.page.header) for label in shown] == [True]
     language.use("en")
+
+
+@pytest.mark.parametrize(
+    ("code", "state", "why"),
+    [("en", "NOT READY", "serial number"), ("zh_CN", "未就绪", "序列号")],
+)
+def test_reason_why_no_run_can_start_stands_beside_start(engineer: Engineer, code: str, state: str, why: str) -> None:
+    engineer.window.app.set_language(code)
+    engineer.type("engineer_serial_edit", "SN-000020SN-000021")
+    shown = [label.text() for label in engineer.page.header.findChildren(QLabel) if label.isVisible()]
+    assert state in shown
+    assert engineer.why_not("engineer_start_button") in shown
+    assert why in engineer.why_not("engineer_start_button")
+    engineer.type("engineer_serial_edit", SERIAL)
+    shown = [label.text() for label in engineer.page.header.findChildren(QLabel) if label.isVisible()]
+    assert state not in shown
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.gui.state import EndStageButton, PauseButton, RunStatus, RunStrip
 from calstation.gui.text import bind, on_language_change, say
-from calstation.gui.widgets import ScanEdit, button, column, label, line_edit, row, theme
+from calstation.gui.widgets import ScanEdit, button, column, enable, label, line_edit, row, theme
 
 
 class EngineerHeader(QWidget):
@@ -63,9 +63,10 @@ class EngineerHeader(QWidget):
             theme.set_kind(self.start_button, "partial" if partial else "primary")
             self._show_start()
 
-    def show_writes(self, text: str) -> None:
-        """Show next to START what the next run writes to the unit, or "" for nothing."""
-        self._strip.show_idle(text)
+    def show_next_run(self, why_not: str, writes: str) -> None:
+        """Enable START and show next to it what the next run writes to the unit, or why it cannot start."""
+        enable(self.start_button, why_not)
+        self._strip.show_idle(why_not or writes, ready=not why_not)
 
     @property
     def serial(self) -> str:

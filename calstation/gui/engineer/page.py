@@ -365,13 +365,12 @@ class EngineerPage(Page):
         stages = self.choice.selector.stages
         self._header.show_partial(partial=options is not None and bool(stages) and not {*options.stages} <= {*stages})
         writes = options is not None and options.writes and not problem and not busy
-        self._header.show_writes(say("engineer.pass_writes") if writes else "")
         for edit in (self._header.serial_edit, self._header.engineer_edit):
             enable(edit, busy)
         badge = say("operator.sign_in") if self.app.badge_required else ""
         unusable = run.why_no_run(engineer=self.app.role.engineer)
         why_not = problem or waits or device or choice or unusable or badge or self._why_no_unit()
-        enable(self._header.start_button, why_not)
+        self._header.show_next_run(why_not, say("engineer.pass_writes") if writes else "")
         self.choice.lock(busy, role, name or self._why_not_save(), new_pin=self.app.role.new)
         enable(self.preview.button, problem or choice)
         self.design.lock(problem, role or name)

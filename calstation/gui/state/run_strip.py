@@ -37,26 +37,29 @@ class RunStrip(QWidget):
 
     def __init__(self, run: RunStatus) -> None:
         super().__init__()
-        self._run, self._idle = run, ""
+        self._run, self._idle, self._ready = run, "", True
         self._badge, self._text, self._bar = StateBadge(theme.SECTION), ElidedLabel(), progress_bar(theme.GRID)
         parts = (self._badge, self._text, self._bar)
         column(None, *parts, None, on=self, spacing=theme.GRID // 2, margins=(0, 0, theme.GRID, 0))
         run.changed.connect(self._refresh)
         on_language_change(self, self._refresh)
 
-    def show_idle(self, text: str) -> None:
-        """Show a text about the next run while there is no run."""
-        if text != self._idle:
-            self._idle = text
+    def show_idle(self, text: str, *, ready: bool) -> None:
+        """Show a text about the next run while there is no run; if it is not `ready`, why it cannot start."""
+        if (text, ready) != (self._idle, self._ready):
+            self._idle, self._ready = text, ready
             self._refresh()
 
     def _refresh(self) -> None:
         run = self._run
-        self._badge.show_state(run_badge(run)[0], run_title(run))
+        waits = not self._ready and run.display_state == "idle" and run.elsewhere is None
+        closed = run.chamber.must_stay_closed
+        title = term("badge", "not_ready") if waits and not closed else run_title(run)
+        self._badge.show_state(run_badge(run)[0], title)
         parts = []
         if run.stage is not None:
             parts = [term("stage", run.stage.name), f"{100.0 * run.stage.fraction:.0f} %"]
-        if run.chamber.must_stay_closed:
+        if closed:
             parts = [chamber_reason(run)]
         elif run.remaining is not None:
             parts.append(say("common.time_left", time=duration_text(run.remaining)))
