@@ -440,7 +440,7 @@ def test_units_of_a_batch_are_listed_together(page: HistoryPage, folder: Path, q
     assert {serial for serial, _ in rows(page)} == {"SN-00000A", "SN-00000B"}
 
 
-@pytest.mark.parametrize(("code", "name"), [("en", "Attempts without a run"), ("zh_CN", "缺少记录的次数")])
+@pytest.mark.parametrize(("code", "name"), [("en", "Attempts without a run"), ("zh_CN", "缺少记录（第几次）")])
 def test_details_name_the_attempts_without_a_run(
     page: HistoryPage, folder: Path, qtbot: QtBot, code: str, name: str
 ) -> None:

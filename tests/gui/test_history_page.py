@@ -392,6 +392,9 @@ def test_trend_shows_the_parameter_that_failed(page: HistoryPage, folder: Path, 
     assert trend.currentData() == "gyro_bias_x"
     select_row(page, 0, qtbot)
     assert trend.currentData() == "gyro_bias_y"
+    language.use("zh_CN")
+    assert trend.currentText() == "陀螺零偏 y"
+    language.use("en")
 
 
 def test_dates_that_are_not_in_effect_are_muted(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:

@@ -97,9 +97,12 @@ class Trend(QWidget):
         bind(self._plot.setAccessibleName, "history.parameter_over_runs")
         column(row((self._caption, 1), self._combo), (self._plot, 1), on=self, spacing=theme.GRID // 2)
         theme.themes.changed.connect(self.draw)
-        on_language_change(self, self._show_caption)
+        on_language_change(self, self._show_texts)
 
-    def _show_caption(self) -> None:
+    def _show_texts(self) -> None:
+        """Show the names of the parameters and the caption."""
+        names = [self._combo.itemData(number) for number in range(self._combo.count())]
+        fill_combo(self._combo, [(parameter_text(name), name) for name in names])
         product = self._runs[-1].record.product if self._runs else None
         if product is None:
             self._caption.setText(say("history.runs_of_this_unit"))
@@ -119,10 +122,10 @@ class Trend(QWidget):
         chosen = self._combo.currentData()
         if failed and chosen not in failed:
             chosen = failed[0]
-        fill_combo(self._combo, [(parameter_text(name), name) for name in names], chosen)
+        fill_combo(self._combo, [(name, name) for name in names], chosen)
         self.has_values = bool(names)
         self.setVisible(self.has_values)
-        self._show_caption()
+        self._show_texts()
         self.draw()
 
     def draw(self) -> None:
