@@ -2,17 +2,20 @@
 
 from itertools import pairwise, product
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyqtgraph as pg
 import pytest
 from PySide6.QtGui import QFontMetrics, QGuiApplication, QImage, QPainter
+from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.engineer.diagnostics_views import ResidualsView
 from calstation.gui.quality.study_plots import StudyCharts, StudyValues
 from calstation.gui.text import language
-from calstation.gui.widgets import ThemedPlot
+from calstation.gui.widgets import ThemedPlot, theme
+from calstation.gui.widgets.plot import NumberAxis
 from calstation.results import Diagnostics
 
 
@@ -79,3 +82,34 @@ def test_lines_in_the_plot_of_tests_have_a_caption(qtbot: QtBot, code: str, word
     box, plot = caption.mapRectToScene(caption.boundingRect()), view.plots[0].getViewBox().sceneBoundingRect()
     assert plot.contains(box)
     language.use("en")
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_plots_of_residuals_have_space_for_their_labels_on_a_small_screen(
+    qtbot: QtBot, monkeypatch: pytest.MonkeyPatch, code: str
+) -> None:
+    language.use(code)
+    view = ResidualsView()
+    qtbot.addWidget(view)
+    view.resize(860, 530)
+    view.show_data(Diagnostics(Path("log.h5"), "SN-000001", ()))
+    view.show()
+    stage = SimpleNamespace(rests=SimpleNamespace(axis=lambda _: "-x+y-z"))
+    monkeypatch.setattr(view, "_rests", [(stage, number) for number in range(16)])
+    view._name_ticks()
+    qtbot.wait(50)
+    for plot in view.plots:
+        axis = plot.getAxis("left")
+        margins = 2.0 * axis.label.document().documentMargin()
+        assert axis.label.boundingRect().width() - margins <= axis.size().height(), axis.labelText
+    bottom = view.plots[-1].getAxis("bottom")
+    (first, name), (second, _), *_ = bottom._tickLevels[0]
+    distance = (second - first) * bottom.width() / 16
+    assert QFontMetrics(QGuiApplication.font()).horizontalAdvance(name) < distance
+    language.use("en")
+
+
+@pytest.mark.parametrize("width", [120.0, 300.0])
+def test_numbers_of_a_short_horizontal_axis_do_not_touch(qapp: QApplication, width: float) -> None:
+    (spacing, _), *_ = NumberAxis("bottom").tickValues(0.0, 0.1, width)
+    assert spacing * width / 0.1 >= QFontMetrics(theme.font()).horizontalAdvance("0.02") + 4.0

@@ -132,8 +132,10 @@ def _nis_cells(stage: StageDiagnostics) -> dict[str, str]:
 
 #: Width of the left axes of the plots of residuals, px.
 _AXIS_WIDTH = 9 * theme.GRID
+#: Shares of the plots of residuals in their height: two have long labels, and the last a horizontal axis with names.
+_SHARES = 8, 8, 10, 13
 #: Smallest range of the plot of the tests in units of `EXCESSIVE`, with space for the names of stages and the caption.
-_HEADROOM = 1.6
+_HEADROOM = 2.0
 #: Width of the bars of rests and moves, in units of the distance between rests.
 _BAR = {"rest": 0.4, "move": 0.16}
 
@@ -153,7 +155,7 @@ class ResidualsView(StackedPlots[Diagnostics]):
             plot.scene().sigMouseMoved.connect(lambda at, of=plot: self._describe_rest(of, at))
         column(
             self._rest_label,
-            *((plot, 1) for plot in self.plots),
+            *zip(self.plots, _SHARES, strict=True),
             on=self,
             spacing=theme.GRID // 2,
             margins=(0, theme.GRID, 0, 0),
@@ -231,7 +233,8 @@ class ResidualsView(StackedPlots[Diagnostics]):
     def _name_ticks(self) -> None:
         """Label as many rests as the width permits."""
         ticks = [(k, with_minus(stage.rests.axis(i))) for k, (stage, i) in enumerate(self._rests)]
-        room = max(1, (self.plots[-1].width() - _AXIS_WIDTH) // (4 * theme.GRID))
+        widest = max((self.fontMetrics().horizontalAdvance(name) for _, name in ticks), default=0)
+        room = max(1, (self.plots[-1].width() - _AXIS_WIDTH) // (widest + theme.GRID))
         self.plots[-1].getAxis("bottom").setTicks([ticks[:: -(-max(len(ticks), 1) // room)]])
 
     def _explain(self) -> None:

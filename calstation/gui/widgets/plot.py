@@ -156,6 +156,10 @@ _MIN_LABELS, _MAX_EXPONENT = 3, 300.0
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
+#: Space for a number below a plot, px.
+_LABEL_WIDTH = 5 * theme.GRID
+
+
 class NumberAxis(pg.AxisItem):  # type: ignore[misc]
     """An axis with minus signs instead of hyphens, on which labels do not overlap even if the axis is short.
 
@@ -165,9 +169,10 @@ class NumberAxis(pg.AxisItem):  # type: ignore[misc]
     _tickLevels: Any
 
     def tickSpacing(self, minVal: float, maxVal: float, size: float) -> list[tuple[float, float]]:
-        """Return the spacings of labelled and smaller ticks; on a vertical axis, labels need their height."""
+        """Return the spacings of labelled and smaller ticks, with space for the labels."""
         levels: list[tuple[float, float]] = super().tickSpacing(minVal, maxVal, size)
-        if self.orientation == "left" and levels and levels[0][0] * size < theme.BODY * abs(maxVal - minVal):
+        space = theme.BODY if self.orientation == "left" else _LABEL_WIDTH
+        if levels and levels[0][0] * size < space * abs(maxVal - minVal):
             return [(2.0 * levels[0][0], 0.0), levels[0]]
         return levels
 
