@@ -45,7 +45,11 @@ def test_design_over_temperature_is_shown_and_saved(
     sigmas = designer.cells("temperature_design_sigmas")
     assert {name.rpartition("_")[0] for name in sigmas} >= {"gyro_bias", "accel_scale"}
     window.app.set_language("zh_CN")
-    assert "占用温箱" in designer.widget("temperature_design_headline", QLabel).text()
+    headline = designer.widget("temperature_design_headline", QLabel).text()
+    assert "占用温箱" in headline
+    assert headline.startswith("MEMS C 级，全温，虚拟温箱")
+    assert "目标（MEMS C 级，全温）" in designer.says()
+    assert "陀螺零偏 4、陀螺刻度系数 4" in designer.says().replace("\u00a0", " ")
 
     designer.unlock()
     constant = designer.widget("design_time_constant_spin", QDoubleSpinBox)

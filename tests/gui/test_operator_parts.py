@@ -41,6 +41,21 @@ def test_advice_states_the_worst_failure_and_counts_the_others() -> None:
 
 
 @pytest.mark.parametrize(
+    ("code", "reason"),
+    [
+        ("en", "The data did not determine gyro bias z, accel bias x."),
+        ("zh_CN", "数据不足以确定陀螺零偏 z、加表零偏 x。"),
+    ],
+)
+def test_parameters_that_are_not_determined_are_listed_as_the_language_does(code: Language, reason: str) -> None:
+    language.use(code)
+    failed = check_row("unobservable", "", 2, 0, passed=False)
+    result = result_with(unobservable=["gyro_bias_z", "accel_bias_x"], checks=[failed])
+    assert advice.reason("failed", result).replace("\u00a0", " ") == reason
+    language.use("en")
+
+
+@pytest.mark.parametrize(
     ("code", "reason", "headings", "sentence"),
     [
         (

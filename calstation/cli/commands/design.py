@@ -137,7 +137,7 @@ def _lines(design: Design, out: Path) -> Iterator[str]:
         "design.found", seconds=design.duration, moves=design.planned, worst=design.worst, parameter=design.limiting
     )
     if design.undetermined:
-        yield say("engineer.undetermined", names=", ".join(design.undetermined))
+        yield say("engineer.undetermined", names=design.undetermined)
     if not design.searched:
         yield say("design.not_searched")
     if design.present is not None:
@@ -165,7 +165,7 @@ def _shorter_lines(shorter: ShorterStages, out: Path) -> Iterator[str]:
         parameter=shorter.limiting,
     )
     if shorter.undetermined:
-        yield say("engineer.undetermined", names=", ".join(shorter.undetermined))
+        yield say("engineer.undetermined", names=shorter.undetermined)
     for stage, values in shorter.schedule.items():
         yield f"  {stage}: " + ", ".join(f"{name} = {value:g}" for name, value in values.items())
     yield say("design.written", path=out)

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QWidget
 from calstation.config import RunRequest
 from calstation.errors import CalstationError
 from calstation.gui.state import AppContext
-from calstation.gui.text import duration_text, on_language_change, parameter_text, say, step_sentence, term
+from calstation.gui.text import duration_text, on_language_change, say, step_sentence, term
 from calstation.gui.widgets import (
     Band,
     Cell,
@@ -190,8 +190,7 @@ def _problem_texts(preview: Preview) -> list[str]:
     """Return the violated limits, the errors of stages, and the stages that have too few rounds."""
     problems = [_violation_text(violation) for violation in preview.violations]
     if preview.undetermined:
-        names = ", ".join(parameter_text(name) for name in preview.undetermined)
-        problems.append(say("engineer.undetermined", names=names))
+        problems.append(say("engineer.undetermined", names=preview.undetermined))
     for stage in preview.stages:
         if stage.error:
             problems.append(say("common.named", name=term("stage", stage.stage), text=say(stage.error)))

@@ -190,8 +190,7 @@ def failed_check_text(check: Check, result: Result) -> str:
     if check.kind == "consistency":
         return say("advice.inconsistent", stage=check.subject, value=check.value, limit=check.limit)
     if check.kind == "unobservable":
-        names = ", ".join(parameter_text(name) for name in result.undetermined)
-        return say("advice.undetermined", names=names)
+        return say("advice.undetermined", names=result.undetermined)
     cause = check.cause_text
     if cause is not None:
         return rendered(cause).text

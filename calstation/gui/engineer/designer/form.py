@@ -10,7 +10,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFrame, QWidget
 
 from calstation.config import ScheduleOptions, editing, library
-from calstation.gui.text import Words, bind, product_text, say
+from calstation.gui.text import Words, bind, product_text, say, station_text
 from calstation.gui.widgets import (
     FormField,
     FormValues,
@@ -113,7 +113,7 @@ class DesignForm(QFrame):
 
     def offer(self, options: ScheduleOptions) -> None:
         """Show the name of the product, and limit the speeds to those of the table."""
-        self._product = product_text(options.name)
+        self._product = options.name
         self._caption.setText(self._goal_text())
         if options.over_temperature:
             self._goal.setCurrentIndex(list(_GOALS).index(SHORTEST))
@@ -169,7 +169,7 @@ class DesignForm(QFrame):
         )
 
     def _goal_text(self) -> str:
-        return say("engineer.goal_for", product=self._product) if self._product else say("engineer.goal")
+        return say("engineer.goal_for", product=product_text(self._product)) if self._product else say("engineer.goal")
 
     def _show_goal(self) -> None:
         for field, goal in ((self._margin, SHORTEST), (self._minutes, GIVEN_TIME)):
@@ -262,7 +262,7 @@ class ResultHead(QWidget):
 
     def show_design(self, state: tuple[str, str], options: ScheduleOptions, text: str) -> None:
         """Show the state of a design for `options`, as shape and text of its badge, and its headline."""
-        name = say("engineer.design_of", product=product_text(options.name), station=options.station)
+        name = say("engineer.design_of", product=product_text(options.name), station=station_text(options.station))
         first, *more = text.split("\n")
         self._state = state
         self._headline.setText("\n".join([say("common.named", name=name, text=first), *more]))

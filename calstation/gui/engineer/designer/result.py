@@ -186,8 +186,7 @@ def _headline(design: Design) -> str:
         first += " " + say("engineer.design_present", present=duration_text(design.present), times=times)
     limiting = say("engineer.design_limiting", parameter=design.limiting, worst=design.worst)
     if design.undetermined:
-        names = ", ".join(parameter_text(name) for name in design.undetermined)
-        limiting = f"{say('engineer.undetermined', names=names)}\n{limiting}"
+        limiting = f"{say('engineer.undetermined', names=design.undetermined)}\n{limiting}"
     hidden = max((limit for limit in design.hidden if np.isfinite(limit.size)), key=lambda h: h.move, default=None)
     if hidden is not None and hidden.moved in INDEX:
         limiting += " " + say("engineer.design_hides", shift=hidden.move, parameter=hidden.moved)

@@ -108,7 +108,7 @@ def _assumptions(design: TemperatureDesign) -> list[str]:
     """Return what the design assumes, and whether a shorter ramp exists."""
     thermal = design.thermal
     values = {"seconds": thermal.time_constant, "heating": thermal.self_heating, "rate": 60.0 * thermal.rate}
-    orders = ", ".join(f"{term('group', group)} {order}" for group, order in design.model.order.items())
+    orders = [f"{term('group', group)} {order}" for group, order in design.model.order.items()]
     sentences = [say("design.thermal", **values), say("design.orders", orders=orders)]
     if not design.is_ramp and design.ramp.course.duration < design.soak.course.duration:
         sentences.append(say("design.ramp_not_stated"))
