@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import tomli_w
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QPoint, Qt
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QListWidget, QPushButton
 
 from calstation.config import RunRequest, library
@@ -529,6 +529,9 @@ def test_stopped_run_offers_no_certificate_in_place_of_its_resumption(simulated_
     simulated_run.window.app.engine_link.event.emit(StateChanged("running", "preparing"))
     end_run(simulated_run, "stopped", parameters={"gyro_bias_x": {"value": 0.0, "sigma": 1e-6, "unit": "rad/s"}})
     assert not simulated_run.widget("certificate_button").isVisible()
+    panel = simulated_run.window.operator_page._verdict
+    lefts = [each.mapTo(panel, QPoint(0, 0)).x() for each in (panel.reason_label, panel.details_button)]
+    assert lefts[0] == lefts[1], "nothing is indented without figures"
 
 
 @pytest.mark.parametrize("language", ["en", "zh_CN"])

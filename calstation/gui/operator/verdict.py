@@ -268,6 +268,7 @@ class VerdictPanel(QFrame):
         self._figure_count = len(figures) + any(figure.guarded for figure in figures)  # with the note on the guard band
         self._fit_texts()
         self._figures.show_result(shown)
+        self._figures.setVisible(bool(figures))  # without them, nothing is indented by the distance from them
         lay_out(self._figures, self._values, self)
 
     def _fault_text(self, fault: Fault) -> Rendered:
