@@ -15,8 +15,8 @@ from calstation.records import RunFilter, RunRecord, Verdict, covariance_from
 from calstation.results import History, Result
 
 #: Reason why production is refused: no run has passed, the last passed run is too old, the last run failed or differed
-#: from the reference, or an instrument's calibration is overdue.
-Reason = Literal["never", "overdue", "out", "certificate"]
+#: from the reference, the result of the last run was altered, or an instrument's calibration is overdue.
+Reason = Literal["never", "overdue", "out", "altered", "certificate"]
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Due:
 
     name: str  #: Serial number of the check standard, or name of the instrument.
     reason: Reason
-    #: Due time, or time of the last run if it failed; None if no run has passed.
+    #: Due time, or time of the last run if it failed or was altered; None if no run has passed.
     since: datetime | None
 
     @property
@@ -74,7 +74,7 @@ def standard_states(
     """Return the state of every check standard of a product at a station with its run `history`.
 
     The last of `whole_runs` must have passed, must agree with the current reference, and must not be older than the
-    standard's interval.
+    standard's interval. A run whose result was altered does not show that the standard agrees.
     """
     if not product.check_standards:
         return []
@@ -145,7 +145,8 @@ def _state(
     due = None if last_passed is None else last_passed + timedelta(days=standard.interval_days)
     problem = None
     if last is not None and last != passed:
-        problem = Due(standard.serial, "out", _time(last.started_utc))
+        reason: Reason = "altered" if last.altered and last.verdict.passed else "out"
+        problem = Due(standard.serial, reason, _time(last.started_utc))
     elif due is None:
         problem = Due(standard.serial, "never", None)
     elif due < now:
@@ -163,7 +164,7 @@ def _is_valid(run: RunRecord, standard: CheckStandardSection, now: datetime) -> 
 
 
 def _agrees(run: RunRecord, standard: CheckStandardSection, imu: ImuProfile, history: History) -> bool:
-    """Return whether the result of a run agrees with the reference; False if the result cannot be read."""
+    """Return whether the result of a run agrees with the reference; False if it cannot be read or was altered."""
     try:
         return judge_result(standard, imu, history.result(run)).passed
     except InputError:

@@ -153,7 +153,8 @@ class History:
     def result(self, record: RunRecord) -> Result:
         """Return the result of a run in the index, from its log if there is no result file. Raises InputError.
 
-        The result of a run of another folder is in the shared database, with a copy in place of the log.
+        The result of a run of another folder is in the shared database, with a copy in place of the log. An altered
+        result is refused; the entries of the record are then those of the log or of the index.
         """
         if record.origin:
             copy = record.log.with_suffix(".json")
@@ -161,7 +162,10 @@ class History:
                 raise InputError("result.elsewhere", log=record.log.name, station=record.station or "?")
             return load_result(copy)
         if record.result is not None:
-            return load_run_result(record.result)
+            result = load_run_result(record.result)
+            if record.altered:  # the log, which would contradict it, is missing or damaged
+                raise InputError("result.altered_without_log", file=record.result)
+            return result
         try:
             return Result.from_json(last_result(record.log) or {})
         except NO_RESULT as exc:

@@ -39,7 +39,7 @@ Subject = Literal["resume", "attempts", "passed", "standard", "table_moves"]
 #: Refusals of production that an engineer can override.
 _OVERRIDABLE = (
     "quality.not_in_order",
-    *(f"quality.standard_{reason}" for reason in ("never", "overdue", "out", "certificate")),
+    *(f"quality.standard_{reason}" for reason in ("never", "overdue", "out", "altered", "certificate")),
 )
 
 

@@ -7,14 +7,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calstation.config import CheckStandardSection, library, load_product, load_station
+from calstation.config import (
+    CheckStandardSection,
+    RunRequest,
+    library,
+    load_configuration,
+    load_product,
+    load_station,
+)
 from calstation.devices.profiles import load_imu_profile
-from calstation.errors import InputError
+from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import Posterior
 from calstation.judgement import judge_standard
 from calstation.physics import COUNT
-from calstation.quality import StandardState, judge_result, standard_states, station_quality
+from calstation.quality import StandardState, judge_result, require_standards, standard_states, station_quality
 from calstation.results import Result
+from tests.helpers import raises_code, write_log_of
 from tests.results.test_history import refreshed, write
 from tests.site_folder import SiteFolder
 
@@ -70,6 +78,41 @@ def test_deleting_the_files_of_a_failed_run_does_not_permit_production(runs: Pat
     assert found.problem.reason == "out"
     store(runs, "third", 22, "passed").unlink()
     assert state(runs).problem == found.problem, "a run without files does not show that the standard agrees"
+
+
+@pytest.mark.parametrize("log", ["beside", "missing"])
+def test_edited_result_of_a_check_standard_does_not_count(runs: Path, log: str) -> None:
+    """A run that disagrees is edited so that its values agree; a run that agrees is edited in another entry."""
+    path = store(runs, "second", 21, "passed", values={"gyro_bias_x": 50.0})
+    write_log_of(path)
+    found = state(runs)
+    assert found.problem is not None
+    assert found.problem.reason == "out"
+    if log == "missing":
+        path.with_suffix(".h5").unlink()
+    store(runs, "second", 21, "passed")
+    found = state(runs)
+    assert found.problem is not None
+    assert (found.problem.reason, found.problem.since) == ("altered", datetime(2026, 11, 21, 8, tzinfo=UTC))
+    assert found.last_passed == datetime(2026, 11, 20, 8, tzinfo=UTC), "that of the run before"
+    (run,) = [each for each in refreshed(runs).runs() if each.log.stem == "second"]
+    with raises_code(InputError, "result.altered" if log == "beside" else "result.altered_without_log"):
+        refreshed(runs).result(run)
+    store(runs, "third", 22, "passed")
+    assert state(runs).problem is None
+
+
+@pytest.mark.parametrize(("chosen", "text"), [("en", "was changed after the run"), ("zh_CN", "结果在标定后被改动")])
+def test_refusal_names_the_altered_result(runs: Path, chosen: str, text: str) -> None:
+    path = store(runs, "second", 21, "passed", values={"gyro_bias_x": 50.0})
+    assert state(runs).problem is not None
+    store(runs, "second", 21, "passed")
+    assert path.exists()
+    files = RunRequest("SN-1", runs.parent / "station.toml", runs.parent / "product.toml", out=runs)
+    with raises_code(ConfigurationError, "quality.standard_altered") as caught:
+        require_standards(load_configuration(files), refreshed(runs), NOW)
+    assert isinstance(caught.value, ConfigurationError)
+    assert text in caught.value.render(chosen).text
 
 
 def test_run_with_a_start_time_in_the_future_is_ignored(runs: Path) -> None:
