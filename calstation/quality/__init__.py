@@ -28,9 +28,12 @@ from calstation.quality.gravity_shift import COMMON_SCALE, GravityShift, common_
 from calstation.quality.runs import judged_runs, last_of_each_unit
 from calstation.quality.standards import (
     Due,
+    InstrumentState,
     StandardState,
     due_certificates,
+    instrument_state,
     judge_result,
+    overdue_instruments,
     require_standards,
     standard_states,
 )

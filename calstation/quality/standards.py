@@ -1,5 +1,6 @@
 """Check standards of a station: due dates of their runs, and refusal of production while one is overdue or failed."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Literal
@@ -11,12 +12,17 @@ from calstation.estimation.common import Posterior
 from calstation.judgement import StandardComparison, judge_standard
 from calstation.messages import Text
 from calstation.physics import INDEX, parameter_vector
-from calstation.records import RunFilter, RunRecord, Verdict, covariance_from
+from calstation.records import InstrumentSection, RunFilter, RunRecord, Verdict, covariance_from
 from calstation.results import History, Result
 
 #: Reason why production is refused: no run has passed, the last passed run is too old, the last run failed or differed
 #: from the reference, the result of the last run was altered, or an instrument's calibration is overdue.
 Reason = Literal["never", "overdue", "out", "altered", "certificate"]
+#: State of an instrument: its next calibration is overdue, its calibration is dated after today, it has no due date, or
+#: there is no problem.
+InstrumentState = Literal["overdue", "future", "undated", "good"]
+#: Kinds of the instruments without a valid calibration of which production is refused.
+_REQUIRED_KINDS = ("table", "site")
 
 
 @dataclass(frozen=True)
@@ -95,13 +101,31 @@ def whole_runs(
     return [run for run in history.runs(run_filter, limit=None) if _is_valid(run, standard, now)]
 
 
-def due_certificates(station: StationConfig, now: datetime) -> list[Due]:
-    """Return the station's table and surveys whose next calibration was due before the date of `now`, all in UTC."""
+def instrument_state(instrument: InstrumentSection, now: datetime) -> InstrumentState:
+    """Return the state of an instrument of any kind at `now`; its due date ends with that day in UTC."""
     today = now.astimezone(UTC).date()
+    if instrument.due is not None and instrument.due < today:
+        return "overdue"
+    if instrument.calibrated is not None and instrument.calibrated > max(today, now.astimezone().date()):
+        return "future"
+    return "undated" if instrument.due is None else "good"
+
+
+def overdue_instruments(station: StationConfig, now: datetime) -> list[Due]:
+    """Return the station's instruments of any kind whose next calibration was due before the date of `now` in UTC."""
+    return _overdue(station.instruments, now)
+
+
+def due_certificates(station: StationConfig, now: datetime) -> list[Due]:
+    """Return the overdue instruments because of which production is refused: the station's table and surveys."""
+    return _overdue([each for each in station.instruments if each.kind in _REQUIRED_KINDS], now)
+
+
+def _overdue(instruments: Iterable[InstrumentSection], now: datetime) -> list[Due]:
     return [
         Due(instrument.name, "certificate", datetime.combine(instrument.due, datetime.min.time()).astimezone())
-        for instrument in station.instruments
-        if instrument.kind in ("table", "site") and instrument.due is not None and instrument.due < today
+        for instrument in instruments
+        if instrument.due is not None and instrument_state(instrument, now) == "overdue"
     ]
 
 

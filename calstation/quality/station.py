@@ -13,9 +13,9 @@ from calstation.judgement import StandardComparison
 from calstation.quality.gravity_shift import GravityShift, gravity_shift
 from calstation.quality.runs import product_runs
 from calstation.quality.standards import (
-    Due,
+    InstrumentState,
     StandardState,
-    due_certificates,
+    instrument_state,
     judge_result,
     standard_states,
     whole_runs,
@@ -45,9 +45,10 @@ class StationQuality:
 
     standards: tuple[StandardHistory, ...]
     instruments: tuple[InstrumentSection, ...]
-    overdue: tuple[Due, ...]  #: Instruments whose next calibration is overdue.
+    instrument_states: tuple[InstrumentState, ...]  #: State of each of the `instruments`.
     table: Mapping[str, TableChart]
     gravity: GravityShift | None = None  #: A step of the accelerometer scale factors that is common to all units.
+    station: str = ""  #: Name of the station.
 
 
 def station_quality(
@@ -65,9 +66,10 @@ def station_quality(
     return StationQuality(
         standards,
         tuple(station_config.instruments),
-        tuple(due_certificates(station_config, now)),
+        tuple(instrument_state(each, now) for each in station_config.instruments),
         table_charts(station_config, runs),
         gravity_shift(station_config, runs),
+        station_config.name,
     )
 
 

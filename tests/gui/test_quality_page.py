@@ -475,6 +475,9 @@ def test_overdue_instruments_and_failed_check_standards_are_shown(operator: Oper
     instruments = [
         {"name": "Table", "kind": "table", "certificate": "T-1", "due": date(2020, 1, 1)},
         {"name": "Thermometer", "kind": "other"},
+        {"name": "Barometer", "kind": "other", "calibrated": date(2019, 1, 1), "due": date(2020, 1, 1)},
+        {"name": "Gravity", "kind": "site", "calibrated": date(2099, 1, 1)},
+        {"name": "Azimuth", "kind": "site", "calibrated": date(2026, 1, 1), "due": date(2099, 1, 1)},
     ]
     site.station.write_text(tomli_w.dumps({**STATION, "bench": BENCH, "instruments": instruments}), encoding="utf-8")
     operator.window.app.set_station(site.station)
@@ -482,7 +485,12 @@ def test_overdue_instruments_and_failed_check_standards_are_shown(operator: Oper
     until_read(operator, page)
     click_tab(operator, "Check standards")
     assert [row[:2] for row in cells(operator, "standards_table")] == [["never passed", "GOLD-1"]]
-    assert [row[0] for row in cells(operator, "instruments_table")] == ["overdue", "no date"]
+    states = ["overdue", "no due date", "overdue", "calibrated in the future", "in order"]
+    assert [row[0] for row in cells(operator, "instruments_table")] == states
+    language.use("zh_CN")
+    states = ["已过期", "无到期日", "已过期", "校准日期在未来", "有效"]
+    assert [row[0] for row in cells(operator, "instruments_table")] == states
+    language.use("en")
     units = operator.widget("quality_unit_combo", QComboBox)
     assert [units.itemText(k) for k in range(units.count())] == [
         "All units, the last run of each",

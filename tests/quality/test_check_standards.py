@@ -20,8 +20,14 @@ from calstation.errors import ConfigurationError
 from calstation.estimation.common import Posterior
 from calstation.judgement import FALSE_ALARM, POWER, judge_standard
 from calstation.physics import COUNT, NAMES, PARAMETERS, FloatArray
-from calstation.quality import due_certificates, judge_result, standard_states
-from calstation.records import audit_path, open_log, read_audit
+from calstation.quality import (
+    due_certificates,
+    instrument_state,
+    judge_result,
+    overdue_instruments,
+    standard_states,
+)
+from calstation.records import InstrumentSection, audit_path, open_log, read_audit
 from calstation.results import History, load_result
 from calstation.runs import finalize, prepare
 from calstation.sequencer import Control, Message
@@ -328,6 +334,12 @@ def test_overdue_certificate_stops_production_at_the_station(site_folder: SiteFo
     assert error.values["since"] == due.isoformat()
     setup = load_configuration(site_folder.request())
     assert [each.name for each in due_certificates(setup.station, datetime.now(UTC))] == ["rate table"]
+    assert [each.name for each in overdue_instruments(setup.station, datetime.now(UTC))] == [
+        "rate table",
+        "thermometer",
+    ]
+    states = [instrument_state(each, datetime.now(UTC)) for each in setup.station.instruments]
+    assert states == ["overdue", "overdue", "good"]
 
     instruments[2]["due"] = due
     write(site_folder)
@@ -353,6 +365,14 @@ def test_instrument_is_valid_until_the_end_of_its_due_date_in_utc(
     now = datetime(2026, 11, 23, tzinfo=timezone(timedelta(hours=-8))) + timedelta(hours=hour)  # UTC is 8 h later
     found = due_certificates(load_configuration(site_folder.request()).station, now)
     assert [each.name for each in found] == overdue
+
+
+def test_instrument_that_is_calibrated_in_the_future_is_not_in_order() -> None:
+    now = datetime(2026, 11, 23, 12, tzinfo=UTC)
+    for due in (None, date(2027, 11, 25)):
+        instrument = InstrumentSection(name="gravity survey", kind="site", calibrated=date(2026, 11, 25), due=due)
+        assert instrument_state(instrument, now) == "future"
+        assert instrument_state(instrument, now + timedelta(days=3)) == ("undated" if due is None else "good")
 
 
 def test_unnecessary_override_is_not_recorded(site_folder: SiteFolder) -> None:

@@ -17,7 +17,7 @@ from calstation.config import check as check_text
 from calstation.config import detect_kind, library, line_of, load_station, missing_report_paths, read_text
 from calstation.connection import station_conflicts
 from calstation.errors import ConfigurationError
-from calstation.quality import due_certificates
+from calstation.quality import overdue_instruments
 from calstation.records import log_format
 from calstation.reports import CertificateState, verify_certificate, verify_reports, verify_time_stamp
 from calstation.results import Inspection, check_runs, inspect_recording
@@ -58,7 +58,9 @@ def check(
     rows = [{"line": p.line, "text": p.text} for p in problems]
     lines = [f"{path}:{problem.line}: {problem.text}" for problem in problems]
     valid = [say("cli.file_valid", path=path, kind=kind)]
-    overdue = due_certificates(load_station(path)[1], datetime.now(UTC)) if kind == "stations" and not problems else []
+    overdue = (
+        overdue_instruments(load_station(path)[1], datetime.now(UTC)) if kind == "stations" and not problems else []
+    )
     certificates = [{"name": due.name, "since": due.when} for due in overdue]
     valid += [say("cli.standard_certificate", **each) for each in certificates]
     row = {"file": str(path), "kind": kind, "problems": rows}

@@ -52,7 +52,9 @@ from calstation.quality import (
     StandardHistory,
     StandardState,
     TableChart,
+    due_certificates,
     evaluate_study,
+    overdue_instruments,
     station_quality,
     summarise_quality,
 )
@@ -300,11 +302,9 @@ def standards(
     (_, station_config), (_, product_config) = load_station(station), load_product(product)
     refresh_history(ignore_progress, out)
     quality_state = station_quality(ignore_progress, out, station, product)
-    states, overdue, charts = (
-        [each.state for each in quality_state.standards],
-        quality_state.overdue,
-        quality_state.table,
-    )
+    states, charts = [each.state for each in quality_state.standards], quality_state.table
+    now = datetime.now(UTC)
+    overdue, refused = overdue_instruments(station_config, now), due_certificates(station_config, now)
     powers = [_power(each) for each in quality_state.standards]
     row = {
         **{"station": station_config.name, "product": product_config.name},
@@ -322,7 +322,7 @@ def standards(
     alarmed = any(chart.alarms for chart in charts.values())
     lines += [say("cli.table_check")] if alarmed else []
     emit(row, json, lines)
-    return 1 if alarmed or overdue or any(state.problem is not None for state in states) else 0
+    return 1 if alarmed or refused or any(state.problem is not None for state in states) else 0
 
 
 def _state_row(state: StandardState) -> dict[str, Any]:

@@ -33,8 +33,8 @@ from calstation.quality import BASELINE, StandardHistory, StationQuality, TableC
 #: Quantities of the table geometry, in the order of the plots.
 _QUANTITIES = ("orthogonality", "tilt_x", "tilt_y")
 _STATE = Cell("quality.state", "state", number=False, state="kind")
-#: Catalogue term of the state of an instrument, by symbol.
-_INSTRUMENT_STATES = {"bad": "overdue", "good": "good", "none": "undated"}
+#: Symbol of each state of an instrument.
+_INSTRUMENT_KINDS = {"overdue": "bad", "future": "caution", "good": "good", "undated": "none"}
 #: Object name, accessible name and columns of the tables of standards, runs, instruments and smallest errors.
 _TABLES = (
     (
@@ -64,6 +64,7 @@ _TABLES = (
             _STATE,
             Cell("quality.name", "name", number=False),
             Cell("quality.certificate", "certificate", number=False),
+            Cell("quality.calibrated", "calibrated", number=False),
             Cell("quality.due", "due", number=False),
         ),
     ),
@@ -175,18 +176,17 @@ class StandardsView(QWidget, DataView[StationQuality]):
                 "due": "–" if state.due is None else local_time(state.due.isoformat())[:10],
             }
         self.standards.show_cells(cells)
-        overdue = {due.name for due in data.overdue}
-        kinds = [("bad" if i.name in overdue else "good" if i.due is not None else "none") for i in data.instruments]
         self.instruments.show_cells(
             {
                 str(k): {
-                    "kind": kind,
-                    "state": say(f"chart.instrument_{_INSTRUMENT_STATES[kind]}"),
+                    "kind": _INSTRUMENT_KINDS[state],
+                    "state": say(f"chart.instrument_{state}"),
                     "name": each.name,
                     "certificate": each.certificate or "–",
+                    "calibrated": "–" if each.calibrated is None else each.calibrated.isoformat(),
                     "due": "–" if each.due is None else each.due.isoformat(),
                 }
-                for k, (each, kind) in enumerate(zip(data.instruments, kinds, strict=True))
+                for k, (each, state) in enumerate(zip(data.instruments, data.instrument_states, strict=True))
             }
         )
         self._show_runs()
