@@ -188,7 +188,8 @@ class QualitySummary:
     #: Unit that is charted individually and excluded from `yields` and `parameters`; None without one.
     serial: str | None
     single_unit: tuple[ParameterQuality, ...]  #: All runs of the unit `serial`.
-    chartable: int  #: Number of runs for charts: all full runs of the unit `serial`, or the last one of each unit.
+    chartable: int  #: Number of runs for `parameters`.
+    unit_chartable: int  #: Number of runs for `single_unit`.
     stations: tuple[str, ...] = ()  #: All stations of the runs in the folder.
 
     def to_json(self) -> dict[str, Any]:
@@ -260,7 +261,7 @@ def summarise_quality(
     report(0.4)
     parameters: list[ParameterQuality] = []
     single_unit: list[ParameterQuality] = []
-    chartable = 0
+    chartable = unit_chartable = 0
     names = sorted({name for name in runs.products.values if name is not None})
     in_period = runs.started >= start
     production, unit_runs = production_runs(runs, standards), judged_runs(runs)
@@ -269,7 +270,8 @@ def summarise_quality(
         of_product, config = runs.products.isin((name,)), limits.get(name)
         units = last_of_each_unit(runs, production[of_product[production]])
         unit_rows = unit_runs[of_product[unit_runs]]
-        chartable += int(np.count_nonzero(in_period[units if serial is None else unit_rows]))
+        chartable += int(np.count_nonzero(in_period[units]))
+        unit_chartable += int(np.count_nonzero(in_period[unit_rows]))
         parameters += _charts(runs, name, units, parameter, None if relative else config, start, relative=relative)
         reference = None if config is None else _Reference.of(config, serial, runs.started[unit_rows])
         single_unit += _charts(runs, name, unit_rows, parameter, None, start, relative=relative, reference=reference)
@@ -281,6 +283,7 @@ def summarise_quality(
         serial,
         tuple(single_unit),
         chartable,
+        unit_chartable,
         History(folder).choices().stations,
     )
 

@@ -81,6 +81,16 @@ def click_row(operator: Operator, name: str, line: int, *, double: bool = False)
         operator.qtbot.mouseDClick(table.viewport(), Qt.MouseButton.LeftButton, pos=center)
 
 
+def offer_check_standard(operator: Operator, page: QualityPage) -> None:
+    """Give the product the check standard of the synthetic runs."""
+    own = operator.site_folder.home / "products" / "nav_a.toml"
+    standard = {"serial": "GOLDEN-NAVA", "interval_days": 7, "reference": {"gyro_bias_x": {"value": 0.0, "sigma": 1.0}}}
+    product = library.find("products", "nav_a").read_text(encoding="utf-8")
+    own.write_text(product + tomli_w.dumps({"check_standards": [standard]}), encoding="utf-8")
+    operator.window.app.set_product(own)
+    until_read(operator, page)
+
+
 def choose(operator: Operator, name: str, index: int) -> None:
     operator.widget(name, QComboBox).setCurrentIndex(index)
 
@@ -429,7 +439,72 @@ def test_values_divided_by_sigma_combine_different_schedules(operator: Operator,
     assert after.values[:BASELINE].std() == pytest.approx(1.0, abs=0.1)
     assert after.effects is not None
     click_tab(operator, "Capability")
-    assert "No limits for the values" in operator.says()
+    assert "No capability of deviations" in operator.says()
+    assert "choose “Value” under “Shown as”" in operator.says()
+    language.use("zh_CN")
+    until_read(operator, page)
+    assert "偏差没有过程能力" in operator.says()
+    language.use("en")
+
+
+@pytest.mark.parametrize(
+    ("code", "titles", "scopes"),
+    [
+        (
+            "en",
+            ("Control charts", "Capability", "Yield", "Check standards", "Repeatability"),
+            (
+                "",
+                "All units except check standards, the last run of each: ",
+                "Runs of all units except check standards: ",
+                "Station test bench, runs of any time. Only the choice of the product applies here",
+                "All units except check standards, the last run of each: ",
+            ),
+        ),
+        (
+            "zh_CN",
+            ("控制图", "过程能力", "合格率", "标准件", "重复性研究"),
+            (
+                "",
+                "标准件以外的全部产品，取各自最后一次：",
+                "标准件以外全部产品的标定：",
+                "工位“test bench”，不限时间。此处仅产品型号的选择有效",
+                "标准件以外的全部产品，取各自最后一次：",
+            ),
+        ),
+    ],
+)
+def test_view_says_which_choices_do_not_apply(
+    operator: Operator, page: QualityPage, code: str, titles: tuple[str, ...], scopes: tuple[str, ...]
+) -> None:
+    offer_check_standard(operator, page)
+    language.use(code)
+    choose(operator, "quality_unit_combo", 1)
+    until_read(operator, page)
+    assert page.unit.currentData() == "GOLDEN-NAVA"
+    for title, scope in zip(titles, scopes, strict=True):
+        click_tab(operator, title)
+        assert page.scope_label.text().startswith(scope)
+        assert page.scope_label.isVisible() == bool(scope)
+    click_tab(operator, titles[3])
+    assert [each.isEnabled() for each in (page.product, page.unit, page.station, page.period, page.scale)] == [
+        *(True, False, False, False, False)
+    ]
+    assert page.count_label.text() == "", "the count depends on choices that do not apply"
+    click_tab(operator, titles[0])
+    assert all(each.isEnabled() for each in (page.product, page.unit, page.station, page.period, page.scale))
+
+
+def test_few_runs_of_a_check_standard_are_counted_as_its_own(operator: Operator, page: QualityPage) -> None:
+    offer_check_standard(operator, page)
+    choose(operator, "quality_unit_combo", 1)
+    until_read(operator, page)
+    choose(operator, "quality_station_combo", 1)
+    until_read(operator, page)
+    assert "A chart needs at least 10 full runs of the check standard." in operator.says()
+    language.use("zh_CN")
+    until_read(operator, page)
+    assert "绘图至少需要该标准件的10次完整标定。" in operator.says()
 
 
 def test_capability_and_yield_are_shown(operator: Operator, page: QualityPage) -> None:
@@ -485,10 +560,10 @@ def test_overdue_instruments_and_failed_check_standards_are_shown(operator: Oper
     until_read(operator, page)
     click_tab(operator, "Check standards")
     assert [row[:2] for row in cells(operator, "standards_table")] == [["never passed", "GOLD-1"]]
-    states = ["overdue", "no due date", "overdue", "calibrated in the future", "in order"]
+    states = ["overdue", "no due date", "overdue", "future date", "in order"]
     assert [row[0] for row in cells(operator, "instruments_table")] == states
     language.use("zh_CN")
-    states = ["已过期", "无到期日", "已过期", "校准日期在未来", "有效"]
+    states = ["已过期", "无到期日", "已过期", "日期在未来", "有效"]
     assert [row[0] for row in cells(operator, "instruments_table")] == states
     language.use("en")
     units = operator.widget("quality_unit_combo", QComboBox)

@@ -29,6 +29,7 @@ from calstation.gui.widgets import (
     fill_combo,
     label,
     row,
+    show_text,
     stack,
     theme,
 )
@@ -67,6 +68,7 @@ class QualityPage(Page):
         bind(self.scale.setToolTip, "quality.about_deviations")
         self.count_label = label(kind="muted", name="quality_count_label")
         self.count_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        self.scope_label = label(kind="muted", name="quality_scope_label", wrap=True)
         self.control, self.capability, self.yields = ControlView(), CapabilityView(), YieldView()
         self.study = StudyView(self, self.product.currentData)
         self.standards = StandardsView()
@@ -150,6 +152,7 @@ class QualityPage(Page):
             self.notice,
             choices,
             row(self.tabs, None, (progress, 1)),
+            self.scope_label,
             (self._stack, 1),
             on=self,
             margins=(wide, theme.GRID, wide, wide),
@@ -227,29 +230,46 @@ class QualityPage(Page):
 
     def _show_view(self) -> None:
         summary, view = self._summary, self._views[self.tabs.currentIndex()]
+        self._show_scope(view)
         if summary is not None and view in self._outdated:
             self._outdated.remove(view)
             self._fill(view, summary)
         judged = summary is not None and summary.yields.overall is not None
-        count = 0 if summary is None else summary.chartable
+        of_unit = view is self.control and summary is not None and summary.serial is not None
+        count = 0 if summary is None else summary.unit_chartable if of_unit else summary.chartable
         visible, code = judged or view is self.study, "no_runs"
         if judged or count:
-            code = "few_runs" if count < MIN_VALUES else "constant"
+            code = "constant" if count >= MIN_VALUES else "few_runs_of_unit" if of_unit else "few_runs"
         if view is self.control:
             visible = not self.control.empty
         elif view is self.capability and summary is not None:
             visible = not self.capability.empty
-            code = "no_limits" if summary.parameters else code
+            no_capability = "no_deviations" if self.scale.currentData() else "no_limits"
+            code = no_capability if summary.parameters else code
         elif view is self.standards:
             visible, code = not self.standards.empty, "no_standards"
         if any(watch.busy for watch in (self._watch, self._station_watch, self._refresher)):
             self._empty.say("chart.reading")
         else:
             values = {"least": MIN_VALUES, "count": count}
-            about = "longer" if code == "few_runs" and self.period.currentData() is not None else "about"
+            about = "longer" if code.startswith("few_runs") and self.period.currentData() is not None else "about"
             self._empty.say(Text.of(f"chart.{code}", **values), Text.of(f"chart.{code}_{about}", **values))
         self._stack.setCurrentWidget(view if visible else self._empty)
-        self.count_label.setText("" if summary is None else _count_text(summary.yields))
+        counted = summary is not None and view is not self.standards
+        self.count_label.setText(_count_text(summary.yields) if summary is not None and counted else "")
+
+    def _show_scope(self, view: QWidget) -> None:
+        """Enable only the choices that apply to a view, and say what it shows if it disregards one."""
+        self.unit.setEnabled(view is self.control)
+        for choice in (self.station, self.period):
+            choice.setEnabled(view is not self.standards)
+        self.scale.setEnabled(view not in (self.standards, self.yields))
+        text = ""
+        if view is self.standards and self.standards.data is not None:
+            text = say("quality.scope_station", station=station_text(self.standards.data.station))
+        elif self.unit.currentData() and view is not self.control:
+            text = say("quality.scope_runs" if view is self.yields else "quality.scope_units")
+        show_text(self.scope_label, text)
 
     def _open_run(self, name: str) -> None:
         """Open the result of a run, which is read from the shared database for a run of another station."""

@@ -200,7 +200,7 @@ class StandardsView(QWidget, DataView[StationQuality]):
             cells[str(k)] = {
                 "kind": "good" if verdict.passed else "bad",
                 "state": say(f"chart.standard_{'agrees' if verdict.passed else 'differs'}"),
-                "started": local_time(started)[2:],
+                "started": local_time(started),
                 "error": f"{abs(verdict.e_n.get(largest, 0.0)):.2f} ({verdict.e_n_limit:.2f})",
                 "t_squared": f"{verdict.t_squared:.1f} ({verdict.t_squared_limit:.1f})",
             }
