@@ -248,6 +248,56 @@ def test_study_shows_every_column_and_explains_a_verdict_without_a_tick(operator
         assert ("only the runs of Cpk" if code == "en" else "仅用于选择计算 Cpk") in note
 
 
+@pytest.mark.parametrize(
+    ("code", "about", "caution"),
+    [
+        (
+            "en",
+            ("0 distinct categories (at", "1 distinct category (at"),
+            "separates these units into only {} categor",
+        ),
+        ("zh_CN", ("可区分0类", "可区分1类"), "测量只能把这些产品区分为{}类"),
+    ],
+)
+def test_study_with_too_few_distinct_categories_has_no_tick(
+    operator: Operator, page: QualityPage, code: str, about: tuple[str, str], caution: str
+) -> None:
+    click_tab(operator, "Repeatability")
+    page.study.open_plan(next((operator.site_folder.runs / "studies").glob("*.json")))
+    until_read(operator, page)
+    language.use(code)
+    state, table = page.study._state, page.study.overview
+    assert state is not None
+    name, study = next((n, s) for n, s in state.studies.items() if s.verdict == "acceptable" and not state.beyond(n))
+    for categories, words in enumerate(about):
+        part = replace(study.part, sigma=(categories + 0.5) / 1.41 * study.gauge.sigma)
+        page.study._show(replace(state, studies={**state.studies, name: replace(study, part=part)}))
+        line = list(state.studies).index(name)
+        click_row(operator, "study_overview_table", line)
+        verdict = table.model().index(line, 0)
+        assert verdict.data(Qt.ItemDataRole.UserRole) == "caution"
+        assert caution.format(categories) in verdict.data(Qt.ItemDataRole.ToolTipRole)
+        assert words in page.study.about_label.text()
+        assert caution.format(categories) in page.study.about_label.text()
+        assert page.study.badge._icon._kind == "caution"
+
+
+def test_study_names_its_product_and_shows_only_the_cpk_of_this_product(operator: Operator, page: QualityPage) -> None:
+    click_tab(operator, "Repeatability")
+    page.study.open_plan(next((operator.site_folder.runs / "studies").glob("*.json")))
+    until_read(operator, page)
+    assert operator.widget("study_plan_label", QLabel).text().endswith(" (Navigation grade A)")
+    assert all(float(row[4]) for row in cells(operator, "study_overview_table"))
+    products = [page.product.itemData(k) for k in range(page.product.count())]
+    choose(operator, "quality_product_combo", products.index(library.find("products", "tactical_b")))
+    until_read(operator, page)
+    assert page._summary is not None
+    assert any(each.capability is not None for each in page._summary.parameters)
+    assert {row[4].strip() for row in cells(operator, "study_overview_table")} == {"–"}
+    language.use("zh_CN")
+    assert operator.widget("study_plan_label", QLabel).text().endswith("（导航级 A）")
+
+
 @pytest.mark.long
 def test_study_is_charted_by_unit_by_appraiser_and_for_all_parameters(operator: Operator, page: QualityPage) -> None:
     click_tab(operator, "Repeatability")
@@ -671,7 +721,7 @@ def test_gauge_study_is_planned_run_and_judged(
     rows = cells(operator, "study_components_table")
     assert [row[0] for row in rows][-2:] == ["Units (PV)", "Total (TV)"]
     assert float(rows[-1][3]) == 100.0
-    assert operator.widget("study_plan_label", QLabel).text() == made.name
+    assert operator.widget("study_plan_label", QLabel).text() == f"{made.name} (Navigation grade A)"
     assert operator.widget("study_open_button", QPushButton).isEnabled()
     unit = GaugePlan.load(made).units[0]
     for path in [*operator.site_folder.runs.glob(f"{unit}_*")]:

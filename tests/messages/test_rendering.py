@@ -149,9 +149,11 @@ def test_nouns_after_numbers_are_in_the_singular_after_one(count: int, text: str
     assert sentence(Text.of("history.run_count", count=count), "zh_CN") == f"共 {count} 次"
 
 
-def test_nouns_that_end_with_s_have_their_own_plural() -> None:
+def test_nouns_that_end_with_s_or_y_have_their_own_plural() -> None:
     assert sentence(Text.of("logs.passed_near", count=1)) == "Passed, 1 near-miss"
     assert sentence(Text.of("logs.passed_near", count=2)) == "Passed, 2 near-misses"
+    assert "into only 1 category." in sentence(Text.of("gauge.few_categories", count=1))
+    assert "into only 0 categories" in sentence(Text.of("gauge.few_categories", count=0))
 
 
 @pytest.mark.parametrize(

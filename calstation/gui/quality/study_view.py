@@ -14,7 +14,7 @@ from calstation.errors import CalstationError
 from calstation.gui.quality.capability_view import cpk_state
 from calstation.gui.quality.study_plots import ComponentsView, StudyCharts, StudyValues
 from calstation.gui.state import Page
-from calstation.gui.text import on_language_change, parameter_text, say
+from calstation.gui.text import on_language_change, parameter_text, product_text, say
 from calstation.gui.widgets import (
     Cell,
     CellTable,
@@ -40,6 +40,7 @@ from calstation.gui.widgets import (
 from calstation.messages import plain_number
 from calstation.physics import display, number
 from calstation.quality import (
+    MIN_CATEGORIES,
     AnovaRow,
     GaugePlan,
     GaugeStudy,
@@ -91,7 +92,8 @@ class StudyView(QWidget):
         self._state: StudyState | None = None
         self._error: CalstationError | None = None
         self._job = page.job(evaluate_study, self._show, failed=self._show_error)
-        self._capability: Mapping[str, float] = {}
+        #: Cpk by product and parameter.
+        self._capability: Mapping[tuple[str, str], float] = {}
         self.overview = CellTable(
             "study_overview_table", "quality.study_overview", _OVERVIEW, grouped=True, single=True
         )
@@ -136,8 +138,10 @@ class StudyView(QWidget):
             self._job.start(self._app.runs_folder, self._path, None)
 
     def show_capability(self, charts: Sequence[ParameterQuality]) -> None:
-        """Show the Cpk of parameters beside their results."""
-        self._capability = {each.parameter: each.capability.cpk.value for each in charts if each.capability is not None}
+        """Show the Cpk of parameters beside their results in a study of the same product."""
+        self._capability = {
+            (each.product, each.parameter): each.capability.cpk.value for each in charts if each.capability is not None
+        }
         self._refresh()
 
     # ---- plan
@@ -171,7 +175,10 @@ class StudyView(QWidget):
     def _refresh(self) -> None:
         state = self._state
         show_text(self._problem, "" if self._error is None else say(self._error.as_text))
-        self._plan_label.setText("" if self._path is None else self._path.name)
+        named = self._path is not None and state is not None
+        product = product_text(state.plan.product) if state is not None else ""
+        file = "" if self._path is None else self._path.name
+        self._plan_label.setText(say("common.noted", name=file, note=product) if named else file)
         self._choices_label.setText("" if self._path is None else say("quality.study_and_choices"))
         if state is None:
             self._empty.say("gauge.no_plan", "gauge.about")
@@ -214,7 +221,7 @@ class StudyView(QWidget):
         """List the results of all parameters, and keep the selected one."""
         names, current = list(state.studies), self.overview.current_name
         cells = {
-            name: _overview_cells(study, state.beyond(name), self._capability.get(name))
+            name: _overview_cells(study, state.beyond(name), self._capability.get((state.plan.product, name)))
             for name, study in state.studies.items()
         }
         self.overview.show_cells(cells, ("tolerance", "study", "cpk"))
@@ -233,7 +240,7 @@ class StudyView(QWidget):
         self.badge.show_state(_state(study, beyond), say(f"gauge.{study.verdict}"))
         sizes = " × ".join(say(f"gauge.count_{factor}", count=count) for factor, count in study.levels.items())
         about = say("gauge.answer", sizes=sizes, trials=study.trials, categories=study.categories, unit=unit)
-        self.about_label.setText("\n".join([about, *_range_notes(beyond), *_order_notes(state)]))
+        self.about_label.setText("\n".join([about, *_cautions(study, beyond), *_order_notes(state)]))
         digits = size * study.gauge.sigma
         cells = {key: {"name": _source(key), **_cells(each, size, digits)} for key, each in _components(study).items()}
         self.components.show_cells(cells, ("sigma",))
@@ -298,14 +305,15 @@ def _cells(variation: Variation, size: float, digits: float) -> dict[str, str]:
 
 
 def _state(study: GaugeStudy, beyond: int) -> str:
-    """Return the symbol of a verdict; a study with ranges `beyond` the control limits gets no tick."""
+    """Return the symbol of a verdict; a study with `_cautions` gets no tick."""
     kind = _STATES[study.verdict]
-    return "caution" if beyond and kind == "good" else kind
+    return "caution" if kind == "good" and _cautions(study, beyond) else kind
 
 
-def _range_notes(beyond: int) -> list[str]:
-    """Return a sentence about ranges beyond their control limits, if there are any."""
-    return [say("quality.ranges_beyond", count=beyond)] if beyond else []
+def _cautions(study: GaugeStudy, beyond: int) -> list[str]:
+    """Return sentences about too few distinct categories, and about ranges beyond their control limits."""
+    few = [say("gauge.few_categories", count=study.categories)] if study.categories < MIN_CATEGORIES else []
+    return few + ([say("quality.ranges_beyond", count=beyond)] if beyond else [])
 
 
 def _overview_cells(study: GaugeStudy, beyond: int, cpk: float | None) -> dict[str, str]:
@@ -313,7 +321,7 @@ def _overview_cells(study: GaugeStudy, beyond: int, cpk: float | None) -> dict[s
     cells = {
         "verdict": say(f"gauge.{study.verdict}"),
         "kind": _state(study, beyond),
-        "hint": "\n".join(_range_notes(beyond)),
+        "hint": "\n".join(_cautions(study, beyond)),
         "study": f"{gauge.percent_study:.1f}",
         "categories": str(study.categories),
     }
