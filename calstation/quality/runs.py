@@ -47,6 +47,12 @@ def _of_standards(runs: RunColumns, excluded: Collection[str]) -> BoolArray:
     return np.asarray(runs.check_standard | runs.serials.isin(excluded))
 
 
+def first_of_each_unit(runs: RunColumns, rows: IntArray) -> IntArray:
+    """Return the first run of each unit, in order, which later runs do not change; `rows` are runs of a product."""
+    _, first = np.unique(runs.serials.codes[rows], return_index=True)
+    return np.sort(rows[first])
+
+
 def last_of_each_unit(runs: RunColumns, rows: IntArray) -> IntArray:
     """Return the last run of each unit, in order, so that a repeated unit counts once; `rows` are runs of a product."""
     _, last = np.unique(runs.serials.codes[rows][::-1], return_index=True)

@@ -30,7 +30,7 @@ from calstation.quality.charts import (
     individuals_chart,
 )
 from calstation.quality.gravity_shift import COMMON_SCALE, SCALES, common_scale
-from calstation.quality.runs import judged_runs, last_of_each_unit, product_runs, production_runs
+from calstation.quality.runs import first_of_each_unit, judged_runs, last_of_each_unit, product_runs, production_runs
 from calstation.quality.yields import Share, Yields, count_yields
 from calstation.records import RunColumns
 from calstation.results import History
@@ -99,7 +99,7 @@ class Charts:
 
 @dataclass(frozen=True)
 class ParameterQuality:
-    """A parameter of a product over time: one value per unit, or all values of one unit."""
+    """A parameter of a product over time: the first value of each unit, or all values of one unit."""
 
     product: str
     parameter: str  #: Name, or `COMMON_SCALE`.
@@ -116,6 +116,8 @@ class ParameterQuality:
     baseline: int = 0  #: Number of the first values that belong to the baseline of the process.
     #: Charted values of earlier runs, with which averages, sums and patterns begin, shape (m,).
     earlier: FloatArray = field(default_factory=lambda: np.empty(0))
+    #: Values of the last run of each unit in the period, from which the capability is computed, SI, shape (k,).
+    last_values: FloatArray = field(default_factory=lambda: np.empty(0))
 
     @classmethod
     def of(
@@ -184,7 +186,7 @@ class QualitySummary:
 
     product: str | None  #: The selected product; None for all.
     yields: Yields
-    parameters: tuple[ParameterQuality, ...]  #: One value per unit.
+    parameters: tuple[ParameterQuality, ...]  #: The first value of each unit, and the capability of the last ones.
     #: Unit that is charted individually and excluded from `yields` and `parameters`; None without one.
     serial: str | None
     single_unit: tuple[ParameterQuality, ...]  #: All runs of the unit `serial`.
@@ -235,9 +237,10 @@ def summarise_quality(
     folder : folder of the runs, whose index is up to date, see `calstation.results.refresh_history`
     product : product file, whose limits apply; by default all products, with the limits of the product files with their
         names
-    serial : unit, such as a check standard, whose runs are charted individually. The yield and the other charts, which
-        use the last run of each unit, exclude its runs and the runs of check standards according to their results or to
-        a current product file.
+    serial : unit, such as a check standard, whose runs are charted individually. The yield, the other charts, which use
+        the first run of each unit so that later runs change neither limits nor signals, and the capability, which uses
+        the last run of each unit, exclude its runs and the runs of check standards according to their results or to a
+        current product file.
     parameter : parameter that is charted; by default all
     since : earliest start of the runs; limits and signals of the charts do not depend on it, because baseline,
         averages, sums and patterns begin with the first runs of any time
@@ -268,11 +271,13 @@ def summarise_quality(
     unit_runs = unit_runs[runs.serials.isin(() if serial is None else (serial,))[unit_runs]]
     for done, name in enumerate(names):
         of_product, config = runs.products.isin((name,)), limits.get(name)
-        units = last_of_each_unit(runs, production[of_product[production]])
+        of_units = production[of_product[production]]
+        units, last = first_of_each_unit(runs, of_units), last_of_each_unit(runs, of_units)
         unit_rows = unit_runs[of_product[unit_runs]]
         chartable += int(np.count_nonzero(in_period[units]))
         unit_chartable += int(np.count_nonzero(in_period[unit_rows]))
-        parameters += _charts(runs, name, units, parameter, None if relative else config, start, relative=relative)
+        limits_of = None if relative or config is None else _Limits(config, last[in_period[last]])
+        parameters += _charts(runs, name, units, parameter, limits_of, start, relative=relative)
         reference = None if config is None else _Reference.of(config, serial, runs.started[unit_rows])
         single_unit += _charts(runs, name, unit_rows, parameter, None, start, relative=relative, reference=reference)
         report(0.4 + 0.6 * (done + 1) / len(names))
@@ -292,6 +297,22 @@ def limit_interval(product: ProductConfig, parameter: str) -> tuple[float, float
     """Return the lowest and highest value of a parameter that a product permits, SI; None without a limit."""
     limit = entry_of(product.limits, parameter)
     return None if limit is None else limit.interval
+
+
+@dataclass(frozen=True)
+class _Limits:
+    """The product whose limits apply, and the last run of each unit in the period."""
+
+    product: ProductConfig
+    last: IntArray  #: Indices of the runs, shape (k,).
+
+    def values(self, name: str, all_values: FloatArray) -> tuple[FloatArray, Capability | None]:
+        """Return the last values of a parameter, SI, and their capability, None without a limit or with few values."""
+        interval = None if name == COMMON_SCALE else limit_interval(self.product, name)
+        values = all_values[self.last]
+        values = values[~np.isnan(values)]
+        enough = interval is not None and len(values) >= MIN_VALUES and np.ptp(values) > 0.0
+        return values, capability(values, *interval) if enough and interval is not None else None
 
 
 @dataclass(frozen=True)
@@ -323,7 +344,7 @@ def _charts(
     product: str,
     rows: IntArray,
     parameter: str | None,
-    limits: ProductConfig | None,
+    limits: _Limits | None,
     start: float,
     *,
     relative: bool,
@@ -360,7 +381,7 @@ def _charts(
             effects = random_effects(values[:BASELINE], sigmas[:BASELINE])
             values = effects.scores(values, sigmas)
             process = Process.estimated(values)
-        interval = None if limits is None or name == COMMON_SCALE else limit_interval(limits, name)
+        last_values, capable = (np.empty(0), None) if limits is None else limits.values(name, all_values)
         yield ParameterQuality.of(
             product,
             name,
@@ -370,7 +391,8 @@ def _charts(
             earlier=values[:first],
             process=process,
             baseline=max(0, process.baseline - first),
-            capability=None if interval is None else capability(values[first:], *interval),
+            capability=capable,
+            last_values=last_values,
             declared=declared is not None,
             effects=effects,
         )

@@ -529,6 +529,11 @@ def test_view_says_which_choices_do_not_apply(
 ) -> None:
     offer_check_standard(operator, page)
     language.use(code)
+    for title, scope in zip(titles[:3], ("the first run of each,", "the last run of each.", ""), strict=True):
+        click_tab(operator, title)
+        assert (scope in page.scope_label.text()) == (code == "en" or not scope)
+        assert page.scope_label.isVisible() == bool(scope)
+    click_tab(operator, titles[0])
     choose(operator, "quality_unit_combo", 1)
     until_read(operator, page)
     assert page.unit.currentData() == "GOLDEN-NAVA"
@@ -618,7 +623,7 @@ def test_overdue_instruments_and_failed_check_standards_are_shown(operator: Oper
     language.use("en")
     units = operator.widget("quality_unit_combo", QComboBox)
     assert [units.itemText(k) for k in range(units.count())] == [
-        "All units, the last run of each",
+        "All units",
         "Check standard GOLD-1",
     ]
 

@@ -128,6 +128,39 @@ def test_summary_is_filtered_by_parameter_and_date(folder: Path) -> None:
     assert summarise_quality(ignore, folder, since=BEGIN + timedelta(days=99)).yields.overall is None
 
 
+def test_units_that_are_calibrated_again_change_neither_limits_nor_signals(tmp_path: Path) -> None:
+    """The charts contain the first run of each unit, the capability the last one."""
+    random = np.random.default_rng(5)
+
+    def add(k: int, serial: int, value: float) -> None:
+        started = (BEGIN + timedelta(hours=k)).isoformat()
+        write(
+            tmp_path,
+            f"SN-{serial}_{k}",
+            f"SN-{serial}",
+            "passed",
+            1,
+            values={"gyro_bias_x": value},
+            started_utc=started,
+        )
+
+    for k in range(130):
+        add(k, k, 1e-6 * random.normal() + (8e-6 if k in (30, 110) else 0.0))
+    product = library.find("products", "nav_a")
+    History(tmp_path).refresh()
+    (before,) = summarise_quality(ignore, tmp_path, product).parameters
+    assert before.alarms["nelson_1"] == 2
+    for k in (*range(60), 110):
+        add(200 + k, k, 3e-6)
+    History(tmp_path).refresh()
+    (after,) = summarise_quality(ignore, tmp_path, product).parameters
+    assert (after.process, after.names, after.alarms) == (before.process, before.names, before.alarms)
+    assert np.array_equal(after.values, before.values)
+    assert after.capability is not None
+    assert after.capability.mean == pytest.approx(np.mean(after.last_values)) != pytest.approx(np.mean(after.values))
+    assert np.count_nonzero(after.last_values == 3e-6) == 61
+
+
 def test_limits_of_a_parameter_take_precedence_over_its_group() -> None:
     _, product = load_product(library.find("products", "nav_a"))
     assert limit_interval(product, "gyro_bias_x") == (-1.5e-5, 1.5e-5)

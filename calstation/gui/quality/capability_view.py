@@ -120,7 +120,7 @@ class Histogram(ThemedPlot, DataView[ParameterQuality]):
         set_subject(self, name)
         self.getPlotItem().clear()
         size, unit = display(name, 1.0)
-        values, mean, sigma = size * data.values, size * capability.mean, size * capability.sigma_overall
+        values, mean, sigma = size * data.last_values, size * capability.mean, size * capability.sigma_overall
         self.setLabel("bottom", f"{parameter_text(name)}, {unit}")
         self.setLabel("left", say("quality.axis_runs"))
         counts, edges = np.histogram(values, bins="auto" if len(values) < 5000 else 60)

@@ -269,6 +269,8 @@ class QualityPage(Page):
             text = say("quality.scope_station", station=station_text(self.standards.data.station))
         elif self.unit.currentData() and view is not self.control:
             text = say("quality.scope_runs" if view is self.yields else "quality.scope_units")
+        elif view in (self.control, self.capability) and not self.unit.currentData():
+            text = say("quality.scope_first" if view is self.control else "quality.scope_last")
         show_text(self.scope_label, text)
 
     def _open_run(self, name: str) -> None:
