@@ -3,7 +3,7 @@
 import hashlib
 import json
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
@@ -20,7 +20,7 @@ from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
 from calstation.parsing import parse_toml, read_json
 from calstation.physics import NOISE_DISPLAY
-from calstation.records import AuditEventName, append_audit, write_atomic
+from calstation.records import AuditEvent, AuditEventName, append_audit, write_atomic
 
 
 @dataclass(frozen=True)
@@ -68,6 +68,22 @@ def version_number(kind: str, name: str, content: str) -> int | None:
     """Return the latest version with this text; None for a shipped file or a file changed outside the program."""
     digest = sha256(content)
     return next((version.number for version in list_versions(kind, name) if version.sha256 == digest), None)
+
+
+def changed_outside(events: Iterable[AuditEvent]) -> list[str]:
+    """Return the files of the site, such as ``products/nav_a.toml``, that differ from their last version in a trail."""
+    last: dict[str, JsonValue] = {}
+    for values in (each.values for each in events if each.event in ("file_saved", "file_changed_outside")):
+        last[f"{values.get('kind')}/{values.get('name')}.toml"] = values.get("sha256")
+    return sorted(file for file, digest in last.items() if _digest_of(library.site_folder() / file) != digest)
+
+
+def _digest_of(path: Path) -> str | None:
+    """Return the SHA-256 of a file; None if it is missing or unreadable."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return None
 
 
 def sha256(content: str) -> str:

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from calstation.config import SiteTrail, library, load_station, read_site_trail, site_folder
+from calstation.config import SiteTrail, library, load_station, read_site_trail, site_folder, versions
 from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, os_reason
@@ -79,12 +79,12 @@ def verify_certificate(path: Path) -> CertificateState:
 
 
 def read_verified_trail(report: ProgressCallback, station: Path | None, runs: Path) -> SiteTrail:
-    """Job: read and verify the audit trail of the site, and compare it with certificates and with their record.
+    """Job: read and verify the audit trail of the site, and compare it with the files of the site and of certificates.
 
     The files of certificates are sought in the folders for reports of the station and of all stations in the library,
     in those next to `runs` and to the runs of certificates, and with the runs. The records of issued reports are those
-    in `runs` and in the other folders that the trail names, unless they were archived as a whole. Raises InputError if
-    a file cannot be read.
+    in `runs` and in the other folders that the trail names, unless they were archived as a whole. The files of the site
+    are compared with their last version in the trail. Raises InputError if a file cannot be read.
     """
     site = read_site_trail(lambda *_, **__: None)
     folders = [*_report_folders(station), default_report_folder(runs.absolute())]
@@ -103,6 +103,8 @@ def read_verified_trail(report: ProgressCallback, station: Path | None, runs: Pa
         report(number / len(issued))
     report(1.0)
     cautions = [Text.of("audit.files_missing", count=len(missing), names=_first(missing))] if missing else []
+    outside = [] if site.faults else versions.changed_outside(site_events(site_folder()))
+    cautions += [Text.of("audit.changed_outside", count=len(outside), names=_first(outside))] if outside else []
     # the files of a certificate may be with its runs, the last of the locations, where others need not be certificates
     searched = dict.fromkeys([*folders, *(each for *_, locations in issued for each in locations[:-1])])
     forged, unrecorded = _unrecorded_files(list(searched), runs)

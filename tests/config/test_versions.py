@@ -76,6 +76,23 @@ def test_externally_edited_file_is_saved_as_a_version(home: Path) -> None:
     assert versions.text("products", "nav_a", 3) == by_hand
 
 
+def test_file_that_differs_from_its_last_version_in_the_trail_is_found(home: Path) -> None:
+    def outside() -> list[str]:
+        return versions.changed_outside(read_audit(audit_path(home)).entries)
+
+    file = home / "products" / "nav_a.toml"
+    for turns in (3, 4):
+        versions.save("products", "nav_a", SHIPPED.replace("turns = 2", f"turns = {turns}"), "wang")
+    assert outside() == []
+    for text in (SHIPPED.replace("turns = 2", "turns = 5"), CHANGED):  # a new text, and that of an earlier version
+        file.write_text(text, encoding="utf-8")
+        assert outside() == ["products/nav_a.toml"]
+    versions.save("products", "nav_a", SHIPPED.replace("turns = 2", "turns = 6"), "wang")
+    assert outside() == []
+    file.unlink()
+    assert outside() == ["products/nav_a.toml"]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

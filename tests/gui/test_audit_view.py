@@ -416,6 +416,29 @@ def test_runs_whose_logs_are_missing_are_a_warning(
     language.use("en")
 
 
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        ("en", "after their last version in the audit trail: 1 (products/nav_a.toml)."),
+        ("zh_CN", "于程序之外被改动或删除的文件：1 个（products/nav_a.toml）。"),
+    ],
+)
+def test_product_that_was_changed_outside_is_a_warning(
+    page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot, code: str, words: str
+) -> None:
+    text = library.find("products", "nav_a").read_text("utf-8")
+    versions.save("products", "nav_a", text.replace("turns = 2", "turns = 3"), "wang")
+    language.use(code)
+    open_trail(page, qtbot)
+    cautions = page.audit.findChild(QLabel, "audit_cautions_label")
+    assert words not in cautions.text()
+    (site_folder.home / "products" / "nav_a.toml").write_text(text, "utf-8")
+    qtbot.mouseClick(button(page, "audit_verify_button"), Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: words in cautions.text(), timeout=WAIT)
+    assert page.audit._icon._kind == "caution"
+    language.use("en")
+
+
 @pytest.mark.parametrize("suffix", ["csv", "json"])
 def test_listed_events_are_exported(
     page: HistoryPage, trail: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, suffix: str

@@ -722,6 +722,36 @@ def test_versions_can_be_compared_and_restored(page_driver: PageDriver, site_fol
     assert versions.list_versions("products", "nav_a")[0].number == 4
 
 
+@pytest.mark.parametrize(
+    ("code", "compare", "words"),
+    [
+        ("en", "Compare", "not that of version 3, the latest: the file was changed outside"),
+        ("zh_CN", "比较", "与最新的版本 3 不同：文件在程序之外被改动"),
+    ],
+)
+def test_file_changed_outside_is_not_shown_as_its_latest_version(
+    page_driver: PageDriver, site_folder: Any, code: str, compare: str, words: str
+) -> None:
+    page_driver.show_section(PROFILES)
+    profiles = page_driver.page.profiles
+    profiles.open("products", "nav_a")
+    note = page_driver.find(QLabel, "changed_outside_label")
+    for turns in (3, 4):
+        profiles.editor.setPlainText(re.sub(r"turns = \d", f"turns = {turns}", profiles.editor.toPlainText()))
+        page_driver.press("save_station_button")
+        assert not note.isVisible()
+    own = site_folder.home / "products" / "nav_a.toml"
+    own.write_text(own.read_text("utf-8").replace("turns = 4", "turns = 3"), "utf-8")
+    page_driver.page.hide()
+    language.use(code)
+    page_driver.page.show()
+    page_driver.show_view(compare)
+    assert note.isVisible()
+    assert words in note.text()
+    assert words in profiles.diff.toPlainText(), "beside the sentence that the present text is the saved one"
+    language.use("en")
+
+
 def test_form_and_text_of_a_file_show_the_same_values(page_driver: PageDriver) -> None:
     page_driver.show_section(PROFILES)
     page_driver.page.profiles.open("stations", "test")

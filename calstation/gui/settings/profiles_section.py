@@ -186,6 +186,7 @@ class ProfilesSection(QWidget):
         title = label("settings.versions")
         title.setFont(theme.font(bold=True))
         self._no_versions = label("setting.no_versions", "muted", wrap=True)
+        self._outside = label(kind="caution", wrap=True, name="changed_outside_label")
         self._list = QListWidget()
         self._list.setObjectName("versions_list")
         self._list.setWordWrap(True)
@@ -195,7 +196,7 @@ class ProfilesSection(QWidget):
         self._compare_button = button("compare_button", "common.compare", self._compare)
         self._restore_button = button("take_back_button", "settings.restore", self._restore)
         buttons = row(self._compare_button, self._restore_button)
-        panel = box(title, self._no_versions, (self._list, 100), None, buttons)
+        panel = box(title, self._no_versions, self._outside, (self._list, 100), None, buttons)
         panel.setFixedWidth(36 * theme.GRID)
         return panel
 
@@ -336,6 +337,7 @@ class ProfilesSection(QWidget):
             self._list.addItem("\n".join(filter(None, lines)))
         self._list.setCurrentRow(min(current, len(self._versions) - 1))
         self._no_versions.setVisible(not self._versions)
+        show_text(self._outside, self._change_outside(draft))
         for widget in (self._list, self._compare_button, self._restore_button):
             widget.setVisible(bool(self._versions))
         self._enable()
@@ -358,9 +360,16 @@ class ProfilesSection(QWidget):
             return
         old, new = text.splitlines(), draft.text.splitlines()
         lines = list(difflib.unified_diff(old, new, name, say("settings.present_text"), lineterm="", n=4))
-        self.diff.setPlainText("\n".join(lines) or say("settings.same_text", name=name))
+        same = [say("settings.same_text", name=name), self._change_outside(draft) if self._compared is None else ""]
+        self.diff.setPlainText("\n".join(lines or filter(None, same)))
         colours = {"+": theme.colours().good, "-": theme.colours().bad}
         self.diff.shade((i, colours[line[0]]) for i, line in enumerate(lines, 1) if line[:1] in colours)
+
+    def _change_outside(self, draft: Draft) -> str:
+        """Return a sentence if the saved text of a file is not that of its latest version, otherwise ""."""
+        latest = next(iter(self._versions), None)
+        changed = latest is not None and latest.sha256 != versions.sha256(draft.saved)
+        return say("settings.changed_outside", number=latest.number) if latest is not None and changed else ""
 
     def _text_of(self, draft: Draft, version: Version) -> str | None:
         """Return the text of a version; if it cannot be read, show the error and return None."""
