@@ -8,10 +8,10 @@ import hmac
 import json
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 from urllib.parse import quote
 
 from pydantic import Field
@@ -94,18 +94,43 @@ def check(pin: str, badge: str = "") -> bool:
         return _check(pin, badge)
 
 
+def identify(pin: str, badge: str = "") -> Literal["personal", "site"] | None:
+    """Return whether a PIN is that of the badge or that of the site; None if it is neither, or during the delay.
+
+    A PIN that is neither counts as a wrong PIN of both. Raises ConfigurationError.
+    """
+    with _locked(badge):
+        owner = _owner_of(pin, _owners(badge))
+    return None if owner is None else "personal" if owner else "site"
+
+
+def identify_wait(badge: str = "") -> float:
+    """Return the time until the next PIN may be entered for `identify`, s."""
+    return min(map(wait, _owners(badge)), default=0.0)
+
+
+def _owners(badge: str) -> list[str]:
+    """Return the badge and the site ("") if they have a PIN."""
+    return [each for each in dict.fromkeys((badge, "")) if has_pin(each)]
+
+
 def _check(pin: str, badge: str) -> bool:
     """Check a PIN while the PINs are locked, so that every concurrent attempt is counted."""
-    stored = _load(badge)
-    if _wait(stored) > 0.0:
-        return False
-    digest = _hash(pin, bytes.fromhex(stored.salt), stored.n, stored.r, stored.p)
-    is_correct = hmac.compare_digest(digest, bytes.fromhex(stored.hash))
-    if is_correct and stored.failures:
-        _store(stored.model_copy(update={"failures": 0, "failed_at": 0.0}), badge)
-    elif not is_correct:
-        _store(stored.model_copy(update={"failures": stored.failures + 1, "failed_at": time.time()}), badge)
-    return is_correct
+    return _owner_of(pin, [badge]) is not None
+
+
+def _owner_of(pin: str, badges: Sequence[str]) -> str | None:
+    """Return the badge to which a PIN belongs; if it belongs to none, count a wrong PIN of all that are not delayed."""
+    stored = {badge: each for badge in badges if _wait(each := _load(badge)) <= 0.0}
+    for badge, each in stored.items():
+        digest = _hash(pin, bytes.fromhex(each.salt), each.n, each.r, each.p)
+        if hmac.compare_digest(digest, bytes.fromhex(each.hash)):
+            if each.failures:
+                _store(each.model_copy(update={"failures": 0, "failed_at": 0.0}), badge)
+            return badge
+    for badge, each in stored.items():
+        _store(each.model_copy(update={"failures": each.failures + 1, "failed_at": time.time()}), badge)
+    return None
 
 
 def wait(badge: str = "") -> float:

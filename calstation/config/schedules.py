@@ -11,7 +11,7 @@ from calstation.config import library, versions
 from calstation.config.editing import edit_toml, read_text
 from calstation.config.forms import FieldSpec, field_spec
 from calstation.config.product import in_file, unknown_targets
-from calstation.config.request import RunRequest
+from calstation.config.request import Confirmation, RunRequest
 from calstation.config.run_configuration import RunConfiguration, load_configuration
 from calstation.config.versions import Version
 from calstation.estimation.common import SolveContext
@@ -120,7 +120,7 @@ def schedule_problems(stage: str, values: Mapping[str, Any], options: ScheduleOp
 
 
 def save_schedule(
-    report: ProgressCallback, product: Path, changes: Mapping[str, Mapping[str, Any]], author: str
+    report: ProgressCallback, product: Path, changes: Mapping[str, Mapping[str, Any]], author: str | Confirmation
 ) -> tuple[Path, Version]:
     """Job: save schedule parameters in a product file; return the site's file and its new version.
 
@@ -132,7 +132,7 @@ def save_schedule(
     report : callback for the progress
     product : product file; for a shipped one, the site's copy is changed
     changes : values by stage and field; None removes a value, so that the method's default applies
-    author : author of the new version
+    author : author of the new version, as in `versions.save`
     """
     text = edit_toml(
         read_text(product),

@@ -14,7 +14,7 @@ import tomlkit
 from pydantic import JsonValue
 
 from calstation.config import editing, library
-from calstation.config.request import plain_text
+from calstation.config.request import Confirmation, plain_text
 from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
@@ -91,7 +91,7 @@ def sha256(content: str) -> str:
     return hashlib.sha256(content.encode()).hexdigest()
 
 
-def save(kind: str, name: str, content: str, author: str, reason: str = "") -> Version:
+def save(kind: str, name: str, content: str, author: str | Confirmation, reason: str = "") -> Version:
     """Check a text and save it as a file of the site, unless it equals the current version.
 
     Every new version is recorded in the audit trail on disk before the file is written. Raises ConfigurationError with
@@ -101,7 +101,7 @@ def save(kind: str, name: str, content: str, author: str, reason: str = "") -> V
     ----------
     kind, name : kind and name of the file, as in `library.find`
     content : new text
-    author : author of the version
+    author : author of the version, by name only if no PIN was entered
     reason : reason for the change
     """
     if kind not in editing.MODELS or not editing.is_name(name):
@@ -118,8 +118,9 @@ def save(kind: str, name: str, content: str, author: str, reason: str = "") -> V
         versions = list_versions(kind, name)
         if versions and path.exists() and versions[0].sha256 == sha256(content):
             return versions[0]
-        version = replace(_next(kind, name, content, author), reason=plain_text(reason))
-        _audit("file_saved", version, versions, content)
+        person = author if isinstance(author, Confirmation) else Confirmation(author)
+        version = replace(_next(kind, name, content, person.by), reason=plain_text(reason))
+        _audit("file_saved", version, versions, content, pin=person.pin)
         path.parent.mkdir(parents=True, exist_ok=True)
         _add(version, content)
         try:
@@ -134,13 +135,13 @@ def save(kind: str, name: str, content: str, author: str, reason: str = "") -> V
     return version
 
 
-def restore(kind: str, name: str, number: int, author: str) -> Version:
+def restore(kind: str, name: str, number: int, author: str | Confirmation) -> Version:
     """Save the text of an old version as a new version. Raises ConfigurationError as `save` does."""
     return save(kind, name, text(kind, name, number), author)
 
 
 def save_noise(
-    report: ProgressCallback, profile: str, values: Mapping[str, float], source: str, author: str
+    report: ProgressCallback, profile: str, values: Mapping[str, float], source: str, author: str | Confirmation
 ) -> Version:
     """Job: save entries of `[noise]` as a new version of an IMU profile.
 
@@ -211,7 +212,9 @@ def _entries(value: Any, key: str = "") -> Iterator[tuple[str, JsonValue]]:
         yield from _entries(each, f"{key}.{name}" if key else name)
 
 
-def _audit(event: AuditEventName, version: Version, earlier: Sequence[Version], content: str) -> None:
+def _audit(
+    event: AuditEventName, version: Version, earlier: Sequence[Version], content: str, **identified: JsonValue
+) -> None:
     """Record a version with its text and its differences from the latest earlier version."""
     changed: dict[str, list[JsonValue]] = {}
     with suppress(ConfigurationError, tomllib.TOMLDecodeError):  # a damaged version must not prevent a new one
@@ -227,6 +230,7 @@ def _audit(event: AuditEventName, version: Version, earlier: Sequence[Version], 
         version=version.number,
         sha256=version.sha256,
         changed=changed,
+        **identified,
     )
 
 

@@ -8,7 +8,16 @@ from typing import Any
 import numpy as np
 import tomlkit
 
-from calstation.config import ProductConfig, RunConfiguration, Version, edit_toml, library, read_text, versions
+from calstation.config import (
+    Confirmation,
+    ProductConfig,
+    RunConfiguration,
+    Version,
+    edit_toml,
+    library,
+    read_text,
+    versions,
+)
 from calstation.devices.profiles import channel_range
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import SolveContext, rest_mean_variance
@@ -221,7 +230,7 @@ def designed_product(text: str, design: Design) -> str:
 
 
 def save_product(
-    report: ProgressCallback, product: Path, name: str, designed: Callable[[str], str], author: str
+    report: ProgressCallback, product: Path, name: str, designed: Callable[[str], str], author: str | Confirmation
 ) -> tuple[Path, Version]:
     """Job: save a product with the designed schedule in the site's folder; return its file and version.
 
@@ -233,7 +242,7 @@ def save_product(
     product : file of the original product
     name : name of the new product
     designed : returns the text of a product file with the schedule
-    author : author of the new version
+    author : author of the new version, as in `versions.save`
     """
     report(0.5)
     version = versions.save("products", name, designed(read_text(product)), author)

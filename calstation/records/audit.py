@@ -53,7 +53,7 @@ AUDIT_EVENTS: tuple[AuditEventName, ...] = get_args(AuditEventName)
 
 #: Events that state how the person was identified.
 _IDENTIFIED: tuple[AuditEventName, ...] = (
-    *("registers", "override", "certificate", "certificate_printed"),
+    *("file_saved", "registers", "override", "certificate", "certificate_printed"),
     *("standard_overridden", "attempt_allowed", "trail_restarted"),
 )
 
@@ -76,8 +76,8 @@ class AuditEvent(BaseModel):
 
     @property
     def unproven(self) -> bool:
-        """Whether the person acted under a name that no PIN proved."""
-        return bool(self.by) and self.event in _IDENTIFIED and self.values.get("pin") is None
+        """Whether the person acted under a name that no personal PIN proved; the PIN of the site is that of many."""
+        return bool(self.by) and self.event in _IDENTIFIED and self.values.get("pin") != "personal"
 
 
 AuditTrail = Chain[AuditEvent]

@@ -51,7 +51,7 @@ def test_events_are_listed_and_filtered(page: HistoryPage, trail: Path, qtbot: Q
     table = open_trail(page, qtbot)
     assert events(table) == ["PIN set", "Failed unit released", "File saved"]
     row = [table.model().index(1, column).data() for column in range(2, 6)]
-    assert row == ["Li Na", "Zhang Min", "customer agrees", "serial number SN-000001, confirmed by site PIN"]
+    assert row == ["Li Na (not authenticated)", "Zhang Min", "customer agrees", "serial number SN-000001, entered site PIN"]
     person = page.audit.findChild(QComboBox, "audit_person_combo")
     person.setFocus()
     qtbot.keyClicks(person, "Zhang")
@@ -74,8 +74,8 @@ def test_events_are_listed_and_filtered(page: HistoryPage, trail: Path, qtbot: Q
 @pytest.mark.parametrize(
     ("code", "person", "hint"),
     [
-        ("en", "Dr A. Li (not authenticated)", "No PIN proved who acted"),
-        ("zh_CN", "Dr A. Li（身份未验证）", "未经密码验证身份"),
+        ("en", "Dr A. Li (not authenticated)", "No personal PIN proved who acted"),
+        ("zh_CN", "Dr A. Li（身份未验证）", "未经个人密码验证身份"),
     ],
 )
 def test_name_without_a_pin_is_marked(

@@ -60,6 +60,43 @@ def sign_in_station(site_folder: SiteFolder) -> None:
     site_folder.station.write_text(tomli_w.dumps(station), encoding="utf-8")
 
 
+@pytest.mark.parametrize("personal", [True, False])
+def test_name_of_a_saved_file_is_authenticated_only_by_a_personal_pin(operator: Operator, personal: bool) -> None:
+    site, own, app = operator.site_folder, "135790", operator.window.app
+    badges = {"badge_pattern": r"B\d{4}", "engineers": ["B0001", "B0002"]}
+    site.station.write_text(tomli_w.dumps({**STATION, "bench": BENCH, "sign_in": badges}), encoding="utf-8")
+    app.set_station(site.station)
+    access.set_pin("", PIN)
+    access.set_pin(PIN, own, "B0001")
+    operator.press("role_button")
+    enter(operator, "role_person_edit", "B0001" if personal else "B0002")
+    operator.qtbot.keyClicks(operator.widget("pin_edit", QLineEdit), own if personal else PIN)
+    operator.press("unlock_button")
+    assert app.role.engineer
+    page = operator.window._tabs["station_page"].page
+    assert isinstance(page, StationPage)
+    page.drafts.station.set({("name",): "line 9"})
+    assert page.save()
+    event = read_audit(audit_path(library.site_folder())).entries[-1]
+    assert (event.event, event.by, event.unproven) == ("file_saved", "B0001" if personal else "B0002", not personal)
+    assert event.values["pin"] == ("personal" if personal else "site")
+
+
+def test_pin_of_another_badge_does_not_unlock(operator: Operator) -> None:
+    site, own, app = operator.site_folder, "135790", operator.window.app
+    badges = {"badge_pattern": r"B\d{4}", "engineers": ["B0001", "B0002"]}
+    site.station.write_text(tomli_w.dumps({**STATION, "bench": BENCH, "sign_in": badges}), encoding="utf-8")
+    app.set_station(site.station)
+    access.set_pin("", PIN)
+    access.set_pin(PIN, own, "B0001")
+    access.set_pin(PIN, own, "B0003")  # who is no longer an engineer
+    for badge in ("B0002", "B0003"):
+        assert not app.role.unlock(own, badge, app.engineer_badge(badge))
+    assert app.role.unlock(own, "B0001", app.engineer_badge("B0001"))
+    app.operator = app.badge = "B0002"  # another person signs in
+    assert (app.author.by, app.author.pin) == ("B0002", None)
+
+
 def test_entered_name_stands_in_every_record(operator: Operator, started: list[Any]) -> None:
     enter(operator, "operator_edit", "Li Na")
     operator.scan(SERIAL)

@@ -60,7 +60,7 @@ class EngineerPage(Page):
         self.preview = PreviewView(app, self._request)
         self.registers = RegistersView(app, self._register_request)
         self.analysis = ResultAnalysis(app, self)
-        self.design = DesignView(app, self.notice, lambda: self.app.person)
+        self.design = DesignView(app, self.notice, lambda: self.app.author)
         self._saving = app.job(self, save_schedule, self._saved, failed=self._save_failed, cancellable=False)
         self._lay_out()
         self._connect()
@@ -248,7 +248,7 @@ class EngineerPage(Page):
         file, changes = self._options.product, {stage: self.choice.form.deviations}
 
         def save() -> None:
-            self._saving.start(file, changes, self.app.person)
+            self._saving.start(file, changes, self.app.author)
 
         confirm = Choice("confirm_save_button", "engineer.save_to_product", save, primary=True)
         choices = Choice("cancel_save_button", "common.cancel", lambda: None), confirm

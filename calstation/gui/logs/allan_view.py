@@ -225,7 +225,7 @@ class AllanView(QWidget, DataView[AllanDeviation]):
 
     def _save(self, data: AllanDeviation, values: dict[str, float]) -> None:
         source = f"Allan deviation of {data.serial}, {data.seconds:.0f} s"
-        self.saving.start(data.profile, values, source, self._app.person or "engineer")
+        self.saving.start(data.profile, values, source, self._app.author)
 
     def _show_saved(self, version: Version) -> None:
         self._app.product_changed.emit()

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 from PySide6.QtCore import QObject, Signal
 
-from calstation.config import editing, library, versions
+from calstation.config import Confirmation, editing, library, versions
 from calstation.errors import ConfigurationError
 from calstation.gui.widgets import FormValues
 from calstation.messages import Text
@@ -122,9 +122,9 @@ class Drafts(QObject):
     changed = Signal()
     saved = Signal(str)
 
-    def __init__(self, person: Callable[[], str], parent: QObject | None = None) -> None:
+    def __init__(self, author: Callable[[], Confirmation], parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self._person = person
+        self._author = author
         self._all: list[Draft] = []
         self.station, self.table = self._new("stations"), self._new("tables")
 
@@ -167,9 +167,9 @@ class Drafts(QObject):
             draft.discard()
 
     @property
-    def author(self) -> str:
+    def author(self) -> Confirmation:
         """The author of new versions: the person at the window."""
-        return self._person() or "engineer"
+        return self._author()
 
     @property
     def needs_reason(self) -> bool:

@@ -67,7 +67,7 @@ class StationPage(Page):
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app, "station")
-        self.drafts = Drafts(lambda: app.person, self)
+        self.drafts = Drafts(lambda: app.author, self)
         #: Names of the files that were saved last; "" after another edit.
         self._saved_names = ""
         self._new_bar = NewFileBar(self.drafts)

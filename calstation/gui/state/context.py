@@ -7,7 +7,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QSettings, Signal
 
-from calstation.config import library, load_station
+from calstation.config import Confirmation, library, load_station
 from calstation.database import ExchangeState
 from calstation.errors import CalstationError
 from calstation.gui.state.engine_link import EngineLink
@@ -106,6 +106,22 @@ class AppContext(QObject):
     def person(self) -> str:
         """Name of the person in records: whoever is at the window or unlocked the engineer role; "" if unknown."""
         return self.operator or self.role.person
+
+    @property
+    def author(self) -> Confirmation:
+        """The `person` in the audit trail, and whether a personal PIN proved it when the engineer role was unlocked."""
+        role = self.role
+        proved = bool(role.badge) and role.person == self.person and self.badge in (None, role.badge)
+        other = "site" if role.engineer and not role.badge else None
+        return Confirmation(self.person or "engineer", pin="personal" if proved else other)
+
+    def engineer_badge(self, entered: str) -> str:
+        """Return a badge that the station lists as that of an engineer, otherwise ""."""
+        try:
+            sign_in = load_station(self.station_path)[1].sign_in
+        except CalstationError:
+            return ""
+        return entered if sign_in is not None and entered in sign_in.engineers else ""
 
     def name_of(self, entered: str) -> str:
         """Return the name of the person who entered a badge or, at a station without badges, a name.

@@ -36,6 +36,7 @@ class RoleLock(QObject):
         super().__init__(parent)
         self.role = "operator"
         self.person = ""  #: Name of the person who unlocked the engineer role.
+        self.badge = ""  #: Badge whose personal PIN unlocked it; "" for the PIN of the site.
         self._busy = busy
         self._idle = QTimer(self, singleShot=True, interval=60_000 * _IDLE_MINUTES)
         self._idle.timeout.connect(self._lock_idle)
@@ -54,14 +55,15 @@ class RoleLock(QObject):
         """Ask the user for the PIN."""
         self.pin_requested.emit()
 
-    def unlock(self, pin: str, person: str = "") -> bool:
-        """Switch to the engineer role for a person and return True if `pin` is correct.
+    def unlock(self, pin: str, person: str = "", badge: str = "") -> bool:
+        """Switch to the engineer role for a person and return True if `pin` is that of an engineer's badge or the site.
 
         Raises ConfigurationError if the PIN file cannot be read.
         """
-        if not access.check(pin):
+        owner = access.identify(pin, badge)
+        if owner is None:
             return False
-        self._set("engineer", person)
+        self._set("engineer", person, badge if owner == "personal" else "")
         return True
 
     def set_first_pin(self, pin: str, person: str = "") -> None:
@@ -88,8 +90,8 @@ class RoleLock(QObject):
         else:
             self.lock()
 
-    def _set(self, role: str, person: str = "") -> None:
-        self.person = person
+    def _set(self, role: str, person: str = "", badge: str = "") -> None:
+        self.person, self.badge = person, badge
         if role == self.role:
             return
         self.role = role
@@ -241,7 +243,7 @@ class RolePanel(QFrame):
             elif self._role.new:
                 self._role.set_first_pin(pin, name)
                 self._accept(person)
-            elif self._role.unlock(pin, name):
+            elif self._role.unlock(pin, name, self._app.engineer_badge(person)):
                 self._accept(person)
             else:
                 self._show_error(say("window.wrong_pin"))
@@ -266,7 +268,7 @@ class RolePanel(QFrame):
         """Show the error, and disable Unlock during the delay after wrong PINs."""
         wait = 0.0
         try:
-            wait = access.wait()
+            wait = access.identify_wait(self._app.engineer_badge(self._person_edit.text().strip()))
         except ConfigurationError as error:
             self._error_text = say(error.as_text)
         waiting = say("window.wait", seconds=max(1.0, wait)) if wait > 0.0 else ""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from PySide6.QtWidgets import QWidget
 
-from calstation.config import RunRequest, ScheduleOptions, Version
+from calstation.config import Confirmation, RunRequest, ScheduleOptions, Version
 from calstation.errors import CalstationError
 from calstation.gui.engineer.designer.form import GIVEN_TIME, DesignForm, SaveBar
 from calstation.gui.state import AppContext
@@ -41,9 +41,9 @@ if TYPE_CHECKING:
 
 
 class DesignView(QWidget):
-    """Designs a schedule for the product on the station; `author` returns the name of the engineer."""
+    """Designs a schedule for the product on the station; `author` returns the engineer."""
 
-    def __init__(self, app: AppContext, notice: NoticeBar, author: Callable[[], str]) -> None:
+    def __init__(self, app: AppContext, notice: NoticeBar, author: Callable[[], Confirmation]) -> None:
         super().__init__()
         self._app, self._notice, self._author = app, notice, author
         self._options: ScheduleOptions | None = None
