@@ -11,7 +11,7 @@ import pytest
 
 from calstation.cli.errors import print_error
 from calstation.cli.show import emit_json, new_table, plain_console, result_table
-from calstation.config.trail import export_trail
+from calstation.config.trail import TrailLine, export_trail
 from calstation.errors import ConfigurationError, InputError
 from calstation.escaping import for_csv, for_file_name, for_terminal, for_zpl
 from calstation.records import AuditEvent
@@ -85,7 +85,7 @@ def test_no_cell_of_a_csv_is_a_formula(tmp_path: Path, result: Result) -> None:
     _append(tmp_path, "run", result)
     text = WICKED[:-1]
     event = AuditEvent(utc="", event=text, by=text, confirmed_by="@x", why="-x", values={}, previous="", digest="")
-    export_trail(lambda *_: None, [event], tmp_path / "trail.csv")
+    export_trail(lambda *_: None, [TrailLine(1, "proved", event)], tmp_path / "trail.csv")
     for name in (CSV_NAME, "trail.csv"):
         rows = list(csv.reader((tmp_path / name).read_text("utf-8-sig").splitlines()))
         assert any("cmd|" in cell for row in rows for cell in row)

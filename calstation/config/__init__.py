@@ -103,5 +103,12 @@ from calstation.config.station_sections import (
     has_password,
     missing_report_paths,
 )
-from calstation.config.trail import SiteTrail, export_trail, read_site_trail, read_trail_copy, restart_site_trail
+from calstation.config.trail import (
+    SiteTrail,
+    TrailLine,
+    export_trail,
+    read_site_trail,
+    read_trail_copy,
+    restart_site_trail,
+)
 from calstation.config.versions import Version, save_noise

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from calstation.config import library
 from calstation.config.confirmation import Person, confirm_at_site
@@ -22,9 +23,20 @@ from calstation.records import (
     public_key,
     read_audit,
     restart_trail,
+    select_audit,
     verify_trail,
     write_atomic,
 )
+
+
+@dataclass(frozen=True)
+class TrailLine:
+    """A line of an audit trail."""
+
+    number: int  #: From 1.
+    state: Literal["proved", "unproved", "changed"]  #: After the first damage, no line is proved by the chain.
+    event: AuditEvent | None  #: None for a changed line that is no event.
+    text: str = ""  #: Text of such a line.
 
 
 @dataclass(frozen=True)
@@ -35,11 +47,28 @@ class SiteTrail:
     state: tuple[Text, ...]
     faults: tuple[Text, ...] = ()  #: Those of `state` that contradict the trail or a file.
     cautions: tuple[Text, ...] = ()  #: Those of `state` that say what could not be verified.
+    changed: tuple[tuple[int, str], ...] = ()  #: Number and text of the lines of a damaged trail that are no events.
 
     @property
     def intact(self) -> bool:
         """Whether nothing contradicts the trail and the files of its certificates."""
         return not self.faults
+
+    @property
+    def lines(self) -> int:
+        """Number of events, and of changed lines that are no events."""
+        return len(self.trail.entries) + len(self.changed)
+
+    def select(self, event: str | None = None, person: str | None = None, since: str = "") -> list[TrailLine]:
+        """Return the lines of the events that `select_audit` selects, and all changed lines, the oldest first."""
+        trail, lines = self.trail, [TrailLine(number, "changed", None, text) for number, text in self.changed]
+        chosen = {id(each) for each in select_audit(trail.entries, event, person, since)}
+        damaged = len(trail.digests) + 1 if trail.damage is None else trail.damage.number
+        for number, each in zip(trail.numbers, trail.entries, strict=True):
+            if id(each) in chosen:
+                changed = "changed" if number == damaged else "unproved"
+                lines.append(TrailLine(number, "proved" if number < damaged else changed, each))
+        return sorted(lines, key=lambda line: line.number)
 
 
 def read_site_trail(report: ProgressCallback) -> SiteTrail:
@@ -52,7 +81,7 @@ def read_site_trail(report: ProgressCallback) -> SiteTrail:
     texts = cautions or _verification(audit_path(folder), state.trail, faults)
     if state.key_error is not None:
         texts = (*texts, state.key_error.as_text)
-    return SiteTrail(state.trail, texts, faults, cautions)
+    return SiteTrail(state.trail, texts, faults, cautions, _changed_lines(audit_path(folder), state.trail))
 
 
 def _without_trail(folder: Path, code: str, witnesses: Iterator[Path]) -> tuple[Text, ...]:
@@ -81,7 +110,18 @@ def read_trail_copy(path: Path) -> SiteTrail:
     """Read and verify a copy of an audit trail with the key that it contains. Raises InputError."""
     trail = read_audit(path)
     faults = () if trail.damage is None else (damage_text(path, trail.damage),)
-    return SiteTrail(trail, _verification(path, trail, faults), faults)
+    return SiteTrail(trail, _verification(path, trail, faults), faults, changed=_changed_lines(path, trail))
+
+
+def _changed_lines(path: Path, trail: AuditTrail) -> tuple[tuple[int, str], ...]:
+    """Return number and text of the lines of a damaged trail that are no events; () if it can no longer be read."""
+    try:
+        content = b"" if trail.damage is None else path.read_bytes()
+    except OSError:
+        return ()
+    known = {*trail.numbers, *trail.incomplete}
+    lines = enumerate(content.split(b"\n")[: len(trail.digests)] if content else [], 1)
+    return tuple((number, plain_text(line.decode(errors="replace"))) for number, line in lines if number not in known)
 
 
 def _verification(path: Path, trail: AuditTrail, faults: Sequence[Text]) -> tuple[Text, ...]:
@@ -116,12 +156,23 @@ def restart_site_trail(why: str, person: Person) -> AuditEvent:
     return restart_trail(library.site_folder(), people.by, why, people.pin)
 
 
-def export_trail(report: ProgressCallback, events: Sequence[AuditEvent], target: Path) -> Path:
-    """Job: write events to a ``.csv`` file, or as a JSON list. Raises ConfigurationError if it cannot be written."""
-    rows = [each.model_dump() for each in events]
+def export_trail(report: ProgressCallback, lines: Sequence[TrailLine], target: Path) -> Path:
+    """Job: write lines of a trail with their state to a ``.csv`` file, or as a JSON list.
+
+    Raises ConfigurationError if it cannot be written.
+    """
+    names = [*AuditEvent.model_fields, "line", "state", "text"]
+    rows = [
+        {
+            **({} if line.event is None else line.event.model_dump()),
+            **{"line": line.number, "state": line.state, "text": line.text},
+        }
+        for line in lines
+    ]
     if target.suffix == ".csv":
-        lines = [[*{**row, "values": json.dumps(row["values"], ensure_ascii=False)}.values()] for row in rows]
-        content = "\ufeff" + for_csv([[*AuditEvent.model_fields], *lines])  # so that spreadsheets recognise UTF-8
+        texts = [{**row, "values": json.dumps(row.get("values", {}), ensure_ascii=False)} for row in rows]
+        cells = [[row.get(name) for name in names] for row in texts]
+        content = "\ufeff" + for_csv([names, *cells])  # so that spreadsheets recognise UTF-8
     else:
         content = json.dumps(rows, indent=1, ensure_ascii=False) + "\n"
     try:

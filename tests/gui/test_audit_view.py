@@ -12,7 +12,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QTableView
 from pytestqt.qtbot import QtBot
 
-from calstation.config import access, library, versions
+from calstation.config import access, export_trail, library, versions
 from calstation.gui.history import HistoryPage
 from calstation.gui.text import language
 from calstation.records import IssuedReport, append_audit, audit_path, report_file, verify_trail
@@ -51,7 +51,12 @@ def test_events_are_listed_and_filtered(page: HistoryPage, trail: Path, qtbot: Q
     table = open_trail(page, qtbot)
     assert events(table) == ["PIN set", "Failed unit released", "File saved"]
     row = [table.model().index(1, column).data() for column in range(2, 6)]
-    assert row == ["Li Na (not authenticated)", "Zhang Min", "customer agrees", "serial number SN-000001, entered site PIN"]
+    assert row == [
+        "Li Na (not authenticated)",
+        "Zhang Min",
+        "customer agrees",
+        "serial number SN-000001, entered site PIN",
+    ]
     person = page.audit.findChild(QComboBox, "audit_person_combo")
     person.setFocus()
     qtbot.keyClicks(person, "Zhang")
@@ -263,7 +268,15 @@ def test_lines_after_a_changed_first_line_are_listed_as_unverified(
     assert changed in faults
     assert wrong not in faults
     assert later in page.audit.findChild(QLabel, "audit_state_label").text()
-    assert len(events(table)) == 2
+    line = "第 1 行：被改动" if code == "zh_CN" else "Line 1: changed"
+    assert len(events(table)) == 3
+    assert events(table)[-1] == line
+    kinds = [table.model().index(row, 1).data(Qt.ItemDataRole.UserRole) for row in range(3)]
+    assert kinds == ["caution", "caution", "bad"]
+    hints = [table.model().index(row, 1).data(Qt.ItemDataRole.ToolTipRole) for row in range(3)]
+    assert all(("未经验证" if code == "zh_CN" else "is not proved") in each for each in hints[:2])
+    assert "Li Nu" in table.model().index(2, 5).data()
+    assert page.audit.findChild(QLabel, "audit_count_label").text().startswith("3 ")
     assert button(page, "audit_export_button").isEnabled()
     language.use("en")
 
@@ -454,6 +467,21 @@ def test_listed_events_are_exported(
     text = target.read_text("utf-8-sig")
     rows = list(csv.DictReader(text.splitlines())) if suffix == "csv" else json.loads(text)
     assert [(row["event"], row["by"], row["why"]) for row in rows] == [("override", "Li Na", "customer agrees")]
+
+
+def test_export_of_a_changed_trail_states_which_lines_are_not_proved(
+    page: HistoryPage, trail: Path, qtbot: QtBot, tmp_path: Path
+) -> None:
+    trail.write_text(trail.read_text("utf-8").replace("customer agrees", "nobody knows"), "utf-8")
+    open_trail(page, qtbot)
+    for suffix in ("csv", "json"):
+        target = export_trail(lambda *_, **__: None, page.audit._shown, tmp_path / f"trail.{suffix}")
+        text = target.read_text("utf-8-sig")
+        rows = list(csv.DictReader(text.splitlines())) if suffix == "csv" else json.loads(text)
+        assert [(str(row["line"]), row["state"]) for row in rows] == [
+            *(("3", "unproved"), ("2", "changed"), ("1", "proved")),
+        ]
+        assert "nobody knows" in rows[1]["text"]
 
 
 def test_without_a_trail_the_view_says_so(page: HistoryPage, qtbot: QtBot) -> None:

@@ -1,6 +1,5 @@
 """`audit`: lists, filters and verifies the audit trail of the site."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -14,16 +13,16 @@ from calstation.cli.show import emit, ignore_progress
 from calstation.cli.text import say, sentence
 from calstation.config import (
     SiteTrail,
+    TrailLine,
     access,
     computer_user,
-    plain_text,
     read_trail_copy,
     restart_site_trail,
     site_folder,
 )
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import local_time
-from calstation.records import AUDIT_EVENTS, AuditEvent, AuditTrail, audit_path, select_audit
+from calstation.records import AUDIT_EVENTS, AuditEvent, audit_path, select_audit
 from calstation.reports import CertificateState, read_verified_trail, stamp_trail, verify_time_stamp
 from calstation.results import check_runs
 from calstation.validation import validation_due
@@ -61,7 +60,8 @@ def audit(
     names = dict.fromkeys((*AUDIT_EVENTS, *(e.event for e in site.trail.entries)))  # includes events of later versions
     check_choice("--event", event, tuple(names))
     events = select_audit(site.trail.entries, event, by, first)
-    emit(_row(path, site, events), json, [*_lines(path, site.trail, events), *_verified(site)])
+    lines = map(_marked_line, site.select(event, by, first))
+    emit(_row(path, site, events), json, [*lines, *_verified(site)])
     return _exit_code(site)
 
 
@@ -115,26 +115,10 @@ def _verified(site: SiteTrail) -> list[str]:
     return [say(each.code, **each.values) for each in site.state]
 
 
-def _lines(path: Path, trail: AuditTrail, events: list[AuditEvent]) -> Iterator[str]:
-    """Yield the lines of events; of a changed trail also those that are no events, and marks from its first damage."""
-    if trail.damage is None:
-        yield from map(_line, events)
-        return
-    chosen = {id(each) for each in events}
-    content = path.read_bytes().split(b"\n")
-    texts = {
-        number: plain_text(line.decode(errors="replace"))
-        for number, line in enumerate(content[: len(trail.digests)], 1)
-        if number not in trail.numbers and number not in trail.incomplete
-    }
-    changed = {trail.damage.number, *texts}
-    numbered = zip(trail.numbers, trail.entries, strict=True)
-    texts |= {number: _line(each) for number, each in numbered if id(each) in chosen}
-    for number, text in sorted(texts.items()):
-        if number in changed:
-            yield say("cli.audit_line_changed", line=number, text=text)
-        else:
-            yield text if number < trail.damage.number else say("cli.audit_line_unproved", line=number, text=text)
+def _marked_line(line: TrailLine) -> str:
+    """Return a line of a trail as text; from the first damage on it is marked."""
+    text = line.text if line.event is None else _line(line.event)
+    return text if line.state == "proved" else say(f"cli.audit_line_{line.state}", line=line.number, text=text)
 
 
 def _line(each: AuditEvent) -> str:

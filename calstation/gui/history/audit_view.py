@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 from functools import partial
 from typing import Any
 
-from calstation.config import SiteTrail, export_trail
+from calstation.config import SiteTrail, TrailLine, export_trail
 from calstation.gui.state import AppContext, FileExport, JobView
 from calstation.gui.text import Words, bind, on_language_change, say, term
 from calstation.gui.widgets import (
@@ -27,12 +27,12 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.messages import Text, known, local_time
-from calstation.records import AUDIT_EVENTS, AuditEvent, select_audit
+from calstation.records import AUDIT_EVENTS, AuditEvent
 from calstation.reports import read_verified_trail
 
 _COLUMNS = (
     Cell("common.time", "time", number=False, hint="hint"),
-    Cell("history.audit_event", "event", number=False, hint="hint"),
+    Cell("history.audit_event", "event", number=False, state="kind", hint="hint"),
     Cell("history.audit_by", "by", number=False, hint="hint"),
     Cell("history.audit_confirmed_by", "confirmed_by", number=False, hint="hint"),
     Cell("history.audit_why", "why", number=False, hint="why"),
@@ -65,7 +65,7 @@ class AuditView(JobView):
     def __init__(self, app: AppContext, back: Callable[[], None]) -> None:
         super().__init__(app, "audit")
         self._trail: SiteTrail | None = None
-        self._shown: list[AuditEvent] = []
+        self._shown: list[TrailLine] = []
         self._reader = self.job(read_verified_trail, self._show_trail, failure="history.audit_not_read")
         self.exports = FileExport(self)
         self.back_button = button("audit_back_button", "history.back_to_list", back)
@@ -144,19 +144,32 @@ class AuditView(JobView):
 
     def _refresh(self, _: object = None) -> None:
         """List the events that meet the filters."""
-        entries = () if self._trail is None else self._trail.trail.entries
         days = self._period.currentData()
         since = "" if days is None else (datetime.now(UTC) - timedelta(days=days)).isoformat()
-        chosen = select_audit(entries, self._event.currentData() or None, self._person.currentData() or None, since)
+        event, person = self._event.currentData() or None, self._person.currentData() or None
+        chosen = [] if self._trail is None else self._trail.select(event, person, since)
         words = self._search.text().lower().split()
-        rows = [(each, self._cells(each)) for each in reversed(chosen)]
+        rows = [(each, self._line_cells(each)) for each in reversed(chosen)]
         rows = [
             (each, cells) for each, cells in rows if all(word in " ".join(cells.values()).lower() for word in words)
         ]
         self._shown = [each for each, _ in rows]
         self.table.show_cells({str(number): cells for number, (_, cells) in enumerate(rows)})
-        self._count.setText(say("history.audit_count", shown=len(rows), count=len(entries)))
+        self._count.setText(
+            say("history.audit_count", shown=len(rows), count=0 if self._trail is None else self._trail.lines)
+        )
         enable(self._export_button, "" if rows else say("history.nothing_to_export"))
+
+    def _line_cells(self, line: TrailLine) -> dict[str, str]:
+        """Return the cells of a line; from the first damage of the trail on it has a symbol and says why."""
+        if line.event is None:
+            cells = dict.fromkeys(("time", "by", "confirmed_by", "why"), "") | {"values": line.text}
+            return {**cells, **_marks(line), "event": say("history.audit_line_changed", line=line.number)}
+        cells = self._cells(line.event)
+        if line.state == "proved":
+            return cells
+        marks = _marks(line)
+        return {**cells, **marks, "hint": f"{marks['hint']}\n{cells['hint']}"}
 
     def _cells(self, each: AuditEvent) -> dict[str, str]:
         values = {name: value for name, value in each.values.items() if not name.endswith(_IN_HINT)}
@@ -174,10 +187,16 @@ class AuditView(JobView):
         }
 
     def _export(self) -> None:
-        events = tuple(self._shown)
+        lines = tuple(self._shown)
         proposed = self.app.runs_folder.absolute().parent / "audit.csv"
         kinds = ["CSV (*.csv)", "JSON (*.json)"]
-        self.exports.ask(say("history.audit_export"), proposed, kinds, lambda target: (export_trail, events, target))
+        self.exports.ask(say("history.audit_export"), proposed, kinds, lambda target: (export_trail, lines, target))
+
+
+def _marks(line: TrailLine) -> dict[str, str]:
+    """Return symbol and tooltip of a line that the chain does not prove."""
+    code, kind = ("audit_changed", "bad") if line.state == "changed" else ("audit_unproved", "caution")
+    return {"kind": kind, "hint": say(f"history.{code}", line=line.number)}
 
 
 def _value_lines(values: Mapping[str, Any], *, names_only: bool = False) -> list[str]:
