@@ -28,13 +28,16 @@ from calstation.records import (
     write_atomic,
 )
 
+#: State of a line of an audit trail: from the first changed line on, the chain proves none.
+LineState = Literal["proved", "unproved", "changed"]
+
 
 @dataclass(frozen=True)
 class TrailLine:
     """A line of an audit trail."""
 
     number: int  #: From 1.
-    state: Literal["proved", "unproved", "changed"]  #: After the first damage, no line is proved by the chain.
+    state: LineState
     event: AuditEvent | None  #: None for a changed line that is no event.
     text: str = ""  #: Text of such a line.
 
@@ -66,8 +69,8 @@ class SiteTrail:
         damaged = len(trail.digests) + 1 if trail.damage is None else trail.damage.number
         for number, each in zip(trail.numbers, trail.entries, strict=True):
             if id(each) in chosen:
-                changed = "changed" if number == damaged else "unproved"
-                lines.append(TrailLine(number, "proved" if number < damaged else changed, each))
+                state: LineState = "changed" if number == damaged else "unproved"
+                lines.append(TrailLine(number, "proved" if number < damaged else state, each))
         return sorted(lines, key=lambda line: line.number)
 
 

@@ -213,7 +213,7 @@ def _entries(value: Any, key: str = "") -> Iterator[tuple[str, JsonValue]]:
 
 
 def _audit(
-    event: AuditEventName, version: Version, earlier: Sequence[Version], content: str, **identified: JsonValue
+    event: AuditEventName, version: Version, earlier: Sequence[Version], content: str, **identified: Any
 ) -> None:
     """Record a version with its text and its differences from the latest earlier version."""
     changed: dict[str, list[JsonValue]] = {}

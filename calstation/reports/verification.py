@@ -117,7 +117,7 @@ def read_verified_trail(report: ProgressCallback, station: Path | None, runs: Pa
                 continue
             if not record.intact:
                 faults += [each] if each not in faults else []
-            elif each.code in ("report.record_intact", "report.of_others"):
+            elif each.code in ("report.record_intact", "report.of_others", "report.of_unknown"):
                 others.append(each)
     state = [*site.state, *(each for each in (*faults, *cautions, *others) if each not in site.state)]
     return replace(site, state=tuple(state), faults=tuple(faults), cautions=(*site.cautions, *cautions))
@@ -242,7 +242,8 @@ def verify_reports(folder: Path) -> CertificateState:
     code = "report.record_intact" if others < lines else "report.record_alone" if lines else "report.no_record"
     findings = [Text.of(code, folder=folder)]
     if others:
-        findings.append(Text.of("report.of_others", file=file, count=others))
+        of_others = "report.of_others" if state.public_key is not None else "report.of_unknown"
+        findings.append(Text.of(of_others, file=file, count=others))
     if code == "report.record_alone":
         cautions = [*cautions, *(findings if not state.trail.digests else findings[:1])]
     of_this_trail = [each.head for each in heads if each.head.key == state.public_key]

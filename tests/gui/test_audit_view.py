@@ -409,6 +409,8 @@ def test_record_of_reports_agrees_only_if_it_has_the_certificates_of_the_trail(
     audit_path(home).write_bytes(trail)
     remove_trail(home)
     verify(cautions, alone, "caution")
+    unknown = {"en": "Whether they are of this site cannot be verified", "zh_CN": "无法确认这些行是否属于本站点"}[code]
+    assert unknown in cautions.text()
     language.use("en")
 
 

@@ -141,7 +141,7 @@ def test_certificate_is_issued_from_the_verdict_and_from_the_history(
     assert pdf.read_bytes() == before
     operator.window.app.set_language("zh_CN")
     operator.press("history_certificate_button")
-    operator.until(lambda: "证书已签发" in operator.says())
+    operator.until(lambda: "证书已重新打印" in operator.says())
     assert pdf.with_name(f"{pdf.stem}_zh.pdf").exists(), "the same certificate in the other language"
     operator.window.app.set_language("en")
     templates = operator.site_folder.home / "reports"
@@ -258,17 +258,32 @@ def test_revision_is_issued_only_by_an_engineer_with_a_pin(operator: Operator) -
     operator.press("certificate_close_button")
     operator.window.show_page("history_page")
     operator.until(lambda: operator.widget("history_certificate_button").isVisible())
-    for badge, pin, answer in (
-        ("Dr A. Li", "111111", "Badge Dr A. Li does not belong to an engineer of this station"),
-        ("B0001", "111111", "The certificate was issued"),
+    operator.press("history_certificate_button")
+    operator.until(lambda: "was issued on" in operator.says())
+    operator.press("certificate_revise_button")
+    fields = {"reason": "typing error", "badge": "Dr A. Li", "pin": "111111"}
+    fill(operator, "history_certificate_button", **fields)
+    for changed, answer in (
+        ({}, "Badge Dr A. Li does not belong to an engineer of this station"),
+        ({"badge": "B0001", "pin": "999999"}, "The PIN of B0001 is wrong"),
+        ({"pin": "111111"}, "The certificate was issued"),
     ):
-        operator.press("history_certificate_button")
-        operator.until(lambda: "was issued on" in operator.says())
-        operator.press("certificate_revise_button")
-        fill(operator, "history_certificate_button", reason="typing error", badge=badge, pin=pin)
+        fields |= changed
+        fill(operator, "history_certificate_button", **changed)
+        if "pin" not in changed:
+            fill(operator, "history_certificate_button", pin=fields["pin"])
         operator.press("history_certificate_button_confirm_button")
         operator.until(lambda text=answer: text in operator.says())
-        operator.press("certificate_close_button" if badge == "B0001" else "history_notice_close")
+        edits = {key: operator.widget(f"history_certificate_button_{key}_edit", QLineEdit) for key in fields}
+        issued = answer == "The certificate was issued"
+        assert edits["reason"].isVisible() != issued
+        assert issued or {key: edit.text() for key, edit in edits.items()} == {**fields, "pin": ""}
+    (pdf,) = (operator.site_folder.runs.parent / "certificates").glob("*-R1.pdf")
+    operator.press("certificate_close_button")
+    pdf.unlink()
+    operator.press("history_certificate_button")
+    operator.until(lambda: "The certificate was printed again" in operator.says())
+    operator.press("certificate_close_button")
     events = [(each.by, each.values["pin"]) for each in events_of(operator) if each.event == "certificate"]
     assert events == [("B0003", None), ("B0001", "personal")]
     operator.press("history_record_button")

@@ -112,8 +112,9 @@ class AppContext(QObject):
         """The `person` in the audit trail, and whether a personal PIN proved it when the engineer role was unlocked."""
         role = self.role
         proved = bool(role.badge) and role.person == self.person and self.badge in (None, role.badge)
-        other = "site" if role.engineer and not role.badge else None
-        return Confirmation(self.person or "engineer", pin="personal" if proved else other)
+        if proved:
+            return Confirmation(self.person, pin="personal")
+        return Confirmation(self.person or "engineer", pin="site" if role.engineer and not role.badge else None)
 
     def engineer_badge(self, entered: str) -> str:
         """Return a badge that the station lists as that of an engineer, otherwise ""."""

@@ -147,6 +147,8 @@ class _IssueButton(_DocumentButton):
             self._notice.report_failures(each, "operator.no_certificate", self._then)
             each.busy_changed.connect(self._show_busy)
         watch.progress.connect(lambda *_: self._show_busy())
+        watch.done.connect(lambda _: self.panel.hide())
+        watch.failed.connect(lambda _: self._retry())
         self.clicked.connect(self._ask)
         bind(self, self._text)
 
@@ -157,6 +159,11 @@ class _IssueButton(_DocumentButton):
     def _show_busy(self) -> None:
         self._set_busy(self._state_watch.busy or self.watch.busy)
         self.setText(self._text())
+
+    def _retry(self) -> None:
+        """Keep what was entered on a refusal, except the PINs."""
+        if not self.panel.isHidden():
+            self.panel.retry()
 
     def _ask(self) -> None:
         self.panel.hide()
@@ -179,6 +186,7 @@ class CertificateButton(_IssueButton):
 
     def __init__(self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None]) -> None:
         super().__init__(app, name, notice, then)
+        self._again = False  #: Whether an issued certificate is printed again.
         jobs = app.job(self, issue_state, self._begin), app.job(self, issue_certificate, self._issued)
         self._connect("operator.certificate", *jobs)
 
@@ -230,18 +238,20 @@ class CertificateButton(_IssueButton):
 
     def _ask_people(self, title: Words, state: IssueState, *, reason: bool = False) -> None:
         def confirmed(why: str, first: Person, second: Person | None) -> None:
-            self.panel.hide()
             self._issue(state, first, second, why if reason else None)
 
         self.panel.ask(title, state.required, confirmed, by=self._by(state.required), reason=reason)
 
     def _issue(self, state: IssueState, first: Person, second: Person | None = None, revise: str | None = None) -> None:
+        if self.watch.busy:
+            return
+        self._again = state.last is not None and revise is None
         self.watch.start(replace(state.request, first=first, second=second, revise=revise))
 
     def _issued(self, pdf: Path) -> None:
         self._notice.ask(
             "good",
-            "operator.certificate_issued",
+            "operator.certificate_printed" if self._again else "operator.certificate_issued",
             lambda: str(pdf),
             (
                 Choice("certificate_close_button", "common.close", self._then),
@@ -280,8 +290,8 @@ class CertificatesButton(_IssueButton):
             return
 
         def confirmed(_: str, first: Person, second: Person | None) -> None:
-            self.panel.hide()
-            self.watch.start([replace(state.request, first=first, second=second) for state in missing])
+            if not self.watch.busy:
+                self.watch.start([replace(state.request, first=first, second=second) for state in missing])
 
         self.panel.ask(
             Text.of("operator.ask_certificates", count=len(missing)), required, confirmed, by=self._by(required)
