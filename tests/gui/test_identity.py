@@ -60,6 +60,7 @@ def sign_in_station(site_folder: SiteFolder) -> None:
     site_folder.station.write_text(tomli_w.dumps(station), encoding="utf-8")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("personal", [True, False])
 def test_name_of_a_saved_file_is_authenticated_only_by_a_personal_pin(operator: Operator, personal: bool) -> None:
     site, own, app = operator.site_folder, "135790", operator.window.app

@@ -282,6 +282,7 @@ def test_study_with_too_few_distinct_categories_has_no_tick(
         assert page.study.badge._icon._kind == "caution"
 
 
+@pytest.mark.long
 def test_study_names_its_product_and_shows_only_the_cpk_of_this_product(operator: Operator, page: QualityPage) -> None:
     click_tab(operator, "Repeatability")
     page.study.open_plan(next((operator.site_folder.runs / "studies").glob("*.json")))
@@ -497,6 +498,7 @@ def test_values_divided_by_sigma_combine_different_schedules(operator: Operator,
     language.use("en")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "titles", "scopes"),
     [
@@ -550,6 +552,7 @@ def test_view_says_which_choices_do_not_apply(
     assert all(each.isEnabled() for each in (page.product, page.unit, page.station, page.period, page.scale))
 
 
+@pytest.mark.long
 def test_few_runs_of_a_check_standard_are_counted_as_its_own(operator: Operator, page: QualityPage) -> None:
     offer_check_standard(operator, page)
     choose(operator, "quality_unit_combo", 1)
