@@ -29,6 +29,11 @@ PRODUCT: dict[str, Any] = {
         "accel_scale": {"within": 1e-3, "sigma_below": 1e-4},
     },
 }
+#: Changes for a product whose only stage judges all of its limits.
+ONE_STAGE: dict[str, Any] = {
+    "stages": ["six_position"],
+    "limits": {name: PRODUCT["limits"][name] for name in ("accel_bias", "accel_scale")},
+}
 STATION: dict[str, Any] = {
     "name": "test bench",
     "site": {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0, "azimuth_deg": 0.0},

@@ -119,6 +119,8 @@ def _ask_questions(request: RunRequest, answers: Mapping[str, str | None], confi
             start.answer(question, answer)
         if has_options and start.request.resume is not None:
             raise ConfigurationError("cli.resume_options")
+    for warning in start.warnings:
+        show_line(plain_console(stderr=True), sentence(warning))
     return start.request
 
 
@@ -290,6 +292,8 @@ def _failure_reason(result: Result) -> str:
         parts = [term("reason", result.stop_reason or "operator")]
     if result.registers is not None and result.registers.new is not None and not result.verified:
         parts.append(say("cli.not_verified"))
+    if result.verdict.passed and result.unjudged:
+        parts.append(say("advice.not_judged", names=result.unjudged))
     parts += hand_notes(result)
     return "; ".join(filter(None, parts))
 
@@ -321,15 +325,17 @@ def outcome_text(result: Result) -> Text:
     if verdict is Verdict.PARTIAL:
         code = "outcome.partial" if written else "outcome.partial_not_written"
         return Text.of(code, stages=result.stages, left=len(result.not_compared))
+    unjudged = result.unjudged
+    within = Text.of("outcome.within_judged", names=unjudged) if unjudged else Text("outcome.within_every")
     if verdict.passed and not written:
-        return Text("outcome.not_written")
+        return Text.of("outcome.not_written", within=within)
     if verdict.passed and registers is not None and registers.proved_on == "read_back":
-        return Text("outcome.read_back")
+        return Text.of("outcome.read_back", within=within)
     if verdict is Verdict.STOPPED:
         if result.stop_reason in (None, "", "operator"):
             return Text("outcome.stopped_by_operator")
         return Text.of("outcome.stopped_because", reason=result.stop_reason)
-    return Text.of(f"outcome.{verdict}", limits=result.limits_text)
+    return Text.of(f"outcome.{verdict}", limits=result.limits_text, within=within)
 
 
 class _Display:

@@ -17,7 +17,14 @@ from tomlkit.items import AoT, InlineTable, Table
 
 from calstation.config import library
 from calstation.config.blocks import add_table, add_value, has_table, nested, remove_table
-from calstation.config.product import ProductConfig, missing_files, register_conflicts, schedule_values, unknown_targets
+from calstation.config.product import (
+    ProductConfig,
+    missing_files,
+    register_conflicts,
+    schedule_values,
+    unjudged_limits,
+    unknown_targets,
+)
 from calstation.config.slots import STATION_ENTRIES
 from calstation.config.station import BenchSettings, StationConfig, load_bench
 from calstation.devices.profiles import ChamberProfile, FrameSection, ImuProfile, TableProfile, load_imu_profile
@@ -96,17 +103,27 @@ def check(kind: str, text: str, path: Path | None = None) -> list[Problem]:
 
 
 def warnings(kind: str, text: str) -> list[Problem]:
-    """Return what is probably wrong in a valid text: limits of a value that are narrower than those of its sigma."""
+    """Return what is probably wrong in a valid text of a product.
+
+    These are limits that no stage of the product can judge, and limits of a value that are narrower than those of its
+    sigma.
+    """
     if kind != "products":
         return []
     data = parse_toml(text)
     problems = []
-    for name, limit in ProductConfig.model_validate(data).limits.items():
+    product = ProductConfig.model_validate(data)
+    with suppress(ConfigurationError):  # the error is shown for the profile's own file
+        for name in unjudged_limits(product, load_imu_profile(library.find("imus", product.imu))):
+            key_path: KeyPath = ("limits", name)
+            what = Text.of("limits.no_stage", parameter=name, stages=product.stages)
+            problems.append(Problem(key_path, "warning", what, line_of(text, key_path), data))
+    for name, limit in product.limits.items():
         if limit.interval is None or limit.sigma_below is None:
             continue
         half = (limit.interval[1] - limit.interval[0]) / 2.0
         if half < limit.sigma_below:
-            key_path: KeyPath = ("limits", name, "within")
+            key_path = ("limits", name, "within")
             what = Text.of("limits.narrower_than_sigma", half=half, sigma=limit.sigma_below)
             problems.append(Problem(key_path, "warning", what, line_of(text, key_path), data))
     return problems

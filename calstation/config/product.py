@@ -12,7 +12,18 @@ from calstation.config import library
 from calstation.devices.codecs import ELEMENTS, parameter_of, permitted_range
 from calstation.devices.profiles import ImuProfile, RegisterEntry
 from calstation.errors import ConfigurationError
-from calstation.physics import CHANGING_GROUPS, EFFECTS, INDEX, NAMES, PARAMETERS, further_parameter, parameter_indices
+from calstation.estimation.common import ImuModel, Site, SolveContext, TableModel
+from calstation.physics import (
+    CHANGING_GROUPS,
+    EFFECT_PARAMETERS,
+    EFFECTS,
+    INDEX,
+    NAMES,
+    PAIR_PARAMETERS,
+    PARAMETERS,
+    further_parameter,
+    parameter_indices,
+)
 from calstation.records import ChecksSection, ConformitySection, Day, Limit, TemperatureSection, check_limit_names
 from calstation.schema import EntryError, Pattern, Problem, StrictModel, check_names, load_once, near_miss
 from procedures import DEFAULT_STAGES, method
@@ -27,6 +38,9 @@ DEFAULT_PRODUCT = "nav_a"
 
 #: Shipped product that is calibrated manually.
 MANUAL_PRODUCT = "mems_hand"
+
+#: Context for the parameters that stages estimate, which depend only on whether the table fixes the lever arm.
+_ANY_STATION = SolveContext(Site(0.0, 0.0, 0.0), ImuModel("", 1.0, "rate", 1.0, 1.0, 1.0, 1.0), TableModel())
 
 #: Standard deviation of rounding to a step size of 1.
 _ROUNDING_SIGMA = 12.0**-0.5
@@ -227,6 +241,21 @@ def unknown_targets(targets: Iterable[str], *keys: str) -> Iterator[EntryError]:
     return (
         EntryError("product.target_unknown", *keys, name, name=name) for name in targets if not parameter_indices(name)
     )
+
+
+def unjudged_limits(product: ProductConfig, imu: ImuProfile) -> list[str]:
+    """Return the entries of the limits with a parameter that no stage of the product determines, in their order.
+
+    The lever arm counts as determined by stages that estimate it at most tables; a table that fixes it makes it known.
+    """
+    determined = {name for stage in product.stages for name in method(stage).estimates(_ANY_STATION)}
+    determined |= {p.name for p in EFFECT_PARAMETERS if p.group in imu.states}
+    if "cross_calibration" in product.stages:
+        determined |= {p.name for p in PAIR_PARAMETERS}
+    parameters = (*PARAMETERS, *PAIR_PARAMETERS, *EFFECT_PARAMETERS)
+    own = {p.name for p in parameters if p.name in product.limits}
+    judged_alone = {*product.limits} - {p.group for p in parameters if p.name not in {*own, *determined}}
+    return [name for name in product.limits if name not in (determined if name in own else judged_alone)]
 
 
 def register_conflicts(product: ProductConfig, imu: ImuProfile) -> Iterator[EntryError]:

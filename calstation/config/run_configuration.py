@@ -20,6 +20,7 @@ from calstation.config.product import (
     in_file,
     load_product,
     schedule_values,
+    unjudged_limits,
 )
 from calstation.config.request import RunRequest, computer_user
 from calstation.config.slots import PLATFORM_AXES, SlotSection
@@ -120,6 +121,11 @@ class RunConfiguration:
         """Number of the unit's slot in a batch; 1 for a single unit."""
         slot = self.slot
         return 1 if slot is None or self.request.batch is None else self.station.slot_names.index(slot.name) + 1
+
+    @property
+    def unjudged_limits(self) -> tuple[str, ...]:
+        """Entries of the product's limits that no stage of the product can judge."""
+        return tuple(unjudged_limits(self.product, self.imu))
 
     @property
     def register_map(self) -> RegisterMap:

@@ -48,6 +48,7 @@ class ScheduleOptions:
     #: Smallest sigma limit of each parameter group, SI, by the last stage of the product that estimates it.
     sigma_limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     writes: bool = False  #: Whether a run writes the registers of a unit that passes.
+    unjudged: tuple[str, ...] = ()  #: Entries of the product's limits that none of its stages can judge.
     checksums: tuple[str, ...] = ()  #: SHA-256 of the files of the station and the product.
 
 
@@ -84,6 +85,7 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
         slots=setup.station.slot_names,
         over_temperature=setup.product.temperature is not None,
         writes=any(any(register.names) for register in setup.imu.registers),
+        unjudged=setup.unjudged_limits,
         checksums=tuple(source.section.sha256 for source in setup.sources.values()),
     )
 

@@ -36,8 +36,8 @@ class Version:
     reason: str = ""  #: Reason that the author gave, which the window requires for a change of `JUDGING`.
 
 
-#: Entries of a product that decide whether a unit passes.
-JUDGING = ("limits", "checks", "conformity")
+#: Entries of a product that decide whether a unit passes, and who must confirm actions with it.
+JUDGING = ("stages", "limits", "checks", "conformity", "temperature", "confirmation")
 
 
 def list_versions(kind: str, name: str) -> tuple[Version, ...]:

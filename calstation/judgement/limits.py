@@ -9,7 +9,16 @@ from calstation.estimation import Diagnosis, Estimate, Solution
 from calstation.estimation.common import Posterior
 from calstation.judgement.check import Check, Where
 from calstation.judgement.over_temperature import check_up_down, fit_over_temperature, worst_estimate
-from calstation.physics import INDEX, NAMES, OBSERVABLE, PARAMETERS, display, entry_of
+from calstation.physics import (
+    EFFECT_PARAMETERS,
+    INDEX,
+    NAMES,
+    OBSERVABLE,
+    PAIR_PARAMETERS,
+    PARAMETERS,
+    display,
+    entry_of,
+)
 from calstation.records import MODEL_KINDS, NEAR_MISS_FRACTION, Limit, Rule
 
 #: Coverage factor of the expanded uncertainty.
@@ -93,11 +102,15 @@ def _not_observed(name: str, solutions: Sequence[Solution]) -> bool:
 def not_compared(limits: Mapping[str, Limit], prior: Posterior, solutions: Sequence[Solution]) -> list[str]:
     """Return the parameters with a limit that no stage estimated, or that the data do not determine.
 
-    A partial run is judged only by its own stages, without a statement about these parameters.
+    A partial run is judged only by its own stages, without a statement about these parameters. Parameters that the
+    table fixes, so that their sigma is 0 before the first stage, are known.
     """
-    estimated, undetermined_names = estimated_stage(solutions), unobservable(prior, solutions)
-    limited = [p.name for p in PARAMETERS if p.name in limits or p.group in limits]
-    return [name for name in limited if name not in estimated or name in undetermined_names]
+    known = {p.name for p, sigma in zip(PARAMETERS, prior.sigma, strict=True) if sigma == 0.0}
+    compared = {*estimated_stage(solutions), *(name for s in solutions for name in s.estimates)}
+    compared -= {*unobservable(prior, solutions)}
+    parameters = (*PARAMETERS, *PAIR_PARAMETERS, *EFFECT_PARAMETERS)
+    limited = [p.name for p in parameters if p.name in limits or p.group in limits]
+    return [name for name in limited if name not in compared and name not in known]
 
 
 def check_limits(

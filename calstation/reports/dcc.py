@@ -145,15 +145,24 @@ def _statements(certificate: Certificate) -> Iterable[etree._Element]:
         _DCC("reference", "7.8.2.1 l)"),
         _rich("declaration", "items_only_text"),
     )
-    texts = (("dcc", certificate.verdict), ("certificate", f"rule_{certificate.rule}"))
-    conformity = {Verdict.PASSED: [_DCC("conformity", "pass")], Verdict.FAILED: [_DCC("conformity", "fail")]}
+    unjudged = certificate.result.unjudged if certificate.verdict is Verdict.PASSED else []
+    verdict = "passed_judged" if unjudged else certificate.verdict
+    conformity = {"passed": [_DCC("conformity", "pass")], "failed": [_DCC("conformity", "fail")]}
     yield _DCC(
         "statement",
         _name("conformity"),
         _DCC("norm", _NORM),
         _DCC("reference", "7.8.6"),
-        _texts("declaration", lambda language: " ".join(term(*text, language) for text in texts)),
-        *conformity.get(certificate.verdict, []),
+        _texts(
+            "declaration",
+            lambda language: " ".join(
+                (
+                    term("dcc", verdict, language, names=unjudged),
+                    term("certificate", f"rule_{certificate.rule}", language),
+                )
+            ),
+        ),
+        *conformity.get(verdict, []),
         refType="basic_conformity",
     )
     if certificate.result.temperature is not None:

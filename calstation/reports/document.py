@@ -131,6 +131,8 @@ class _Document:
 
     def _verdict(self) -> Text:
         result, verdict = self._result, self._certificate.verdict
+        if verdict is Verdict.PASSED and result.unjudged:
+            return Text.of("certificate.passed_judged", names=result.unjudged)
         if verdict is Verdict.PASSED:
             return Text("certificate.passed")
         if verdict is Verdict.PARTIAL:

@@ -17,7 +17,16 @@ from calstation.estimation.common import Consistency
 from calstation.judgement import Check, Conformity, End, StandardComparison, verdict_of
 from calstation.messages import Text, known, os_reason, values_from_json
 from calstation.parsing import read_json
-from calstation.physics import EFFECT_STATES, NAMES, EffectName, FloatArray, parameter_vector
+from calstation.physics import (
+    EFFECT_PARAMETERS,
+    EFFECT_STATES,
+    NAMES,
+    PAIR_PARAMETERS,
+    PARAMETERS,
+    EffectName,
+    FloatArray,
+    parameter_vector,
+)
 from calstation.records import FileSection, OnlineDifference, Verdict, covariance_from, write_atomic
 from calstation.results.temperature import TemperatureResult
 from calstation.schema import Number, ResultSection
@@ -346,6 +355,16 @@ class Result(ResultSection):
         """Parameters that neither the run's data nor the current calibration determine."""
         calibrated = self.calibration.not_improved if self.calibration is not None else ()
         return [name for name in self.unobservable if name not in calibrated]
+
+    @property
+    def unjudged(self) -> list[str]:
+        """Parameters with a limit that a run of all stages did not judge; their group if it judged none of it."""
+        if self.partial:  # the verdict on a partial run is about its own stages only
+            return []
+        parameters = (*PARAMETERS, *PAIR_PARAMETERS, *EFFECT_PARAMETERS)
+        left = {p.name: p.group for p in parameters if p.name in self.not_compared}
+        whole = {p.group for p in parameters} - {p.group for p in parameters if p.name not in left}
+        return list(dict.fromkeys(group if group in whole else name for name, group in left.items()))
 
     @property
     def cycle_seconds(self) -> dict[str, float]:

@@ -109,6 +109,12 @@ class RunStart:
         self._answered.add(question.subject)
 
     @property
+    def warnings(self) -> list[Text]:
+        """Warnings about the products of the units: limits that none of a product's stages can judge."""
+        products = {s.product.name: s.unjudged_limits for s in self._setups}
+        return [Text.of("run.unjudged_limits", product=name, names=names) for name, names in products.items() if names]
+
+    @property
     def override_required(self) -> ConfirmationRequired:
         """The persons who must confirm an `override`."""
         return confirmation_required("override", self._strictest.product, self._strictest.station)

@@ -62,6 +62,7 @@ class RunSummary:
     #: Overdue calibrations of table and site, which refuse production unless an engineer permits it.
     overdue: tuple[Text, ...] = ()
     check_standards: tuple[str, ...] = ()  #: Serial numbers of the check standards, whose runs are never refused.
+    unjudged: tuple[str, ...] = ()  #: Entries of the product's limits that none of its stages can judge.
     omitted: tuple[str, ...] = ()  #: Stages of the product that the run omits; a run that omits any is partial.
 
     @property
@@ -117,6 +118,7 @@ def run_summary(request: RunRequest) -> RunSummary:
         orientations=tuple(orientation_matrix(slot.orientation) for slot in setup.station.slots),
         overdue=tuple(due.cause for due in due_certificates(setup.station, datetime.now(UTC))),
         check_standards=tuple(standard.serial for standard in setup.product.check_standards),
+        unjudged=setup.unjudged_limits,
         omitted=tuple(stage for stage in setup.product.stages if stage not in setup.stages),
     )
 

@@ -41,7 +41,7 @@ def test_outcome_line_matches_the_result(
     tmp_path: Path, shared_runs: SharedRuns, changes: dict[str, Any], code: str
 ) -> None:
     made = load_result(Path(shared_runs.passed(tmp_path, "six_position").result_file)).to_json()
-    result = Result.from_json({**made, "registers": None, "partial": False, **changes})
+    result = Result.from_json({**made, "registers": None, "partial": False, "not_compared": [], **changes})
     text = outcome_text(result)
     assert text.code == f"outcome.{code}"
     if code.startswith("standard"):
@@ -63,3 +63,30 @@ def test_outcome_line_names_the_limits_that_were_applied(
     text = outcome_text(Result.from_json({**row, "checks": [check], "log": {"file": "log.h5"}}))
     assert sentence(text) == english
     assert sentence(text, "zh_CN") == chinese
+
+
+@pytest.mark.parametrize("registers", [None, REGISTERS, {**REGISTERS, "proved_on": "read_back"}])
+def test_limits_that_were_not_judged_are_named_beside_the_verdict(registers: dict[str, Any] | None) -> None:
+    result = passed_result(registers, not_compared=[*(f"gyro_bias_{axis}" for axis in "xyz"), "gyro_scale_x"])
+    english, chinese = (sentence(outcome_text(result), language) for language in ("en", "zh_CN"))
+    assert "not judged although they have a limit: gyro_bias, gyro_scale_x" in english
+    assert "every limit" not in english
+    assert "未判定：gyro_bias、gyro_scale_x" in chinese
+    assert "全部在限差之内" not in chinese
+    assert "within every limit" in sentence(outcome_text(passed_result(registers, not_compared=[])))
+
+
+def passed_result(registers: dict[str, Any] | None, *, not_compared: list[str]) -> Result:
+    """Return the result of a run of all stages that passed."""
+    return Result.from_json(
+        {
+            "schema": SCHEMA,
+            "unit": {"serial": "SN-1"},
+            "stages": ["six_position"],
+            "outcome": "passed",
+            "parameters": {},
+            "registers": registers,
+            "not_compared": not_compared,
+            "log": {"file": "SN-1.h5"},
+        }
+    )

@@ -5,13 +5,16 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.config import check, edit_toml, library, line_of, normal_gravity_at, read_text, site_advice
-from calstation.config.editing import MODELS, list_files, new_name
+from calstation.config.editing import MODELS, list_files, new_name, warnings
 from calstation.errors import ConfigurationError
+from calstation.messages import sentence
 from calstation.schema import Problem, load
+from tests.site_folder import PRODUCT
 
 CHANGED_LINE, HEADER_LINE = "the changed line", "its table's header"
 SHIPPED = [(kind, path) for kind in MODELS for path in (library.shipped_folder() / kind).glob("*.toml")]
@@ -31,6 +34,31 @@ def problems_after(kind: str, name: str, old: str, new: str) -> list[Problem]:
 @pytest.mark.parametrize(("kind", "path"), SHIPPED, ids=lambda value: getattr(value, "stem", value))
 def test_every_shipped_file_is_valid(kind: str, path: Path) -> None:
     assert check(kind, read_text(path)) == []
+    assert warnings(kind, read_text(path)) == []
+
+
+def test_limits_that_no_stage_of_the_product_judges_are_warned_about() -> None:
+    """A limit must not be ignored silently; a group whose rest has own limits is judged as its remaining parameters."""
+    limits = {
+        "gyro_bias": {"within": 1.5e-5},
+        "accel_bias": {"within": 0.0074},
+        "accel_scale_x": {"within": 1e-3},
+        "gyro_scale_y": {"within": 2e-3},
+        "secondary_gyro_bias": {"within": 1e-4},
+        "gyro_cubic": {"within": 1.0},
+    }
+    text = tomli_w.dumps({**PRODUCT, "stages": ["six_position"], "limits": limits})
+    assert check("products", text) == []
+    found = warnings("products", text)
+    assert [problem.key_path[1] for problem in found] == [
+        *("gyro_bias", "gyro_scale_y", "secondary_gyro_bias", "gyro_cubic"),
+    ]
+    first = found[0]
+    assert text.splitlines()[first.line - 1] == "[limits.gyro_bias]"
+    assert "No stage of the product (Six positions) determines gyro_bias" in first.text
+    assert "Add a stage that determines it to 'stages', or remove the limit." in first.text
+    assert "陀螺零偏" in sentence(first.as_text, "zh_CN", window=True)
+    assert warnings("products", tomli_w.dumps(PRODUCT)) == []
 
 
 @pytest.mark.parametrize(

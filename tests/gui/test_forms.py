@@ -130,9 +130,9 @@ def test_a_reason_is_required_for_changed_limits(forms: FormDriver, site_folder:
     forms.enter("gyro bias", "Highest", "2.5")
     assert reason.isVisible()
     assert not save.isEnabled()
-    assert save.toolTip() == "State why the limits change."
+    assert save.toolTip() == "State the reason for the change."
     language.use("zh_CN")
-    assert save.toolTip() == "请填写修改限差的原因。"
+    assert save.toolTip() == "请填写修改的原因。"
     language.use("en")
     forms.type("change_reason_edit", "field returns")
     forms._bot.keyClick(reason, Qt.Key.Key_Return)

@@ -25,9 +25,8 @@ from calstation.config import library
 from calstation.gui.shell import create_window
 from calstation.gui.shell.main_window import MainWindow
 from tests.gui.conftest import SERIAL, Operator, ShownWindows, SiteFolder
-from tests.site_folder import PRODUCT, QUICK, STATION
+from tests.site_folder import ONE_STAGE, PRODUCT, QUICK, STATION
 
-ONE_STAGE = {"stages": ["six_position"]}
 #: Half a minute long at twenty times real time: it does not end while buttons are pressed.
 LONG_STAGE = {"six_position": {"dwell_s": 100.0, **QUICK}}
 

@@ -96,6 +96,19 @@ def test_value_in_the_guard_band_is_compared_with_acceptance_limits(
     language.use("en")
 
 
+@pytest.mark.parametrize(("code", "name"), [("en", "gyro bias, gyro scale factor x"), ("zh_CN", "陀螺零偏")])
+def test_limits_that_no_stage_judged_are_named_beside_pass(code: Language, name: str) -> None:
+    """Neither the reason nor the brief one of a tile says that every value is within its limits."""
+    language.use(code)
+    unjudged = result_with(not_compared=[*(f"gyro_bias_{axis}" for axis in "xyz"), "gyro_scale_x"])
+    assert not unjudged.partial
+    for text in (advice.reason("passed", unjudged), advice.brief_reason("passed", unjudged)):
+        assert name.split(", ")[0] in text
+    every = advice.reason("passed", result_with())
+    assert every not in advice.reason("passed", unjudged)
+    language.use("en")
+
+
 def test_value_nearest_to_its_limit_is_shown_per_group() -> None:
     row = {"unit": "1", "stage": "rate", "sigma": 1e-6}
     result = result_with(

@@ -17,13 +17,13 @@ from calstation.records import AuditEvent, Verdict, audit_path, read_audit
 from calstation.results import load_result
 from calstation.sequencer import Finalized, StateChanged
 from tests.gui.conftest import RESULT, SERIAL, Operator
+from tests.site_folder import ONE_STAGE
 
 pytestmark = pytest.mark.timeout(240)
 ENGINEERS = {"badge_pattern": r"B\d{4}", "engineers": ["B0001", "B0002"]}
 PEOPLE = ("badge", "pin", "second_badge", "second_pin")
 PINS = {"B0001": "111111", "B0002": "222222"}
 OVERDUE = [{"name": "Rate table A", "kind": "table", "due": date(2021, 3, 2)}]
-ONE_STAGE = {"stages": ["six_position"]}
 
 
 def fill(operator: Operator, panel: str, **texts: str) -> None:

@@ -22,9 +22,8 @@ from calstation.gui.operator.production import shift_counter
 from calstation.gui.state.engine_link import EngineLink
 from calstation.jobs import JobQueue
 from tests.gui.conftest import RESULT, SERIAL, Operator
-from tests.site_folder import STATION
+from tests.site_folder import ONE_STAGE, STATION
 
-ONE_STAGE = {"stages": ["six_position"]}
 NAMES = {"B1234": "Li Na", "B5678": "Wang Wei"}
 ZPL = "^XA^CI28^FO16,16^FD$serial^FS^FO16,64^FD$product $station $operator $verdict^FS^XZ\n"
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calstation.errors import ConfigurationError
-from calstation.estimation import Solution
+from calstation.estimation import Estimate, Solution
 from calstation.estimation.common import Consistency, Posterior
 from calstation.judgement import check_limits, estimated_stage, unobservable
 from calstation.judgement.limits import check_prior, not_compared
@@ -157,3 +157,15 @@ def test_sound_units_raise_no_alarm_against_their_prior() -> None:
         (check,) = check_prior(PRIOR, [output], NAMES)
         alarms += not check.passed
     assert alarms <= 1
+
+
+def test_limits_of_further_parameters_and_of_a_fixed_lever_arm() -> None:
+    """A pair parameter that no stage estimated is not compared; a lever arm that the table fixes is known."""
+    limits = {"outer_lever": limit(within=0.1), "clock_offset": limit(within=1e-3), "accel_bias_x": limit(within=1.0)}
+    fixed = PRIOR.covariance.copy()
+    for axis in "xyz":
+        fixed[INDEX[f"outer_lever_{axis}"]] = 0.0
+    output = solution("six_position", ("accel_bias_x",), {"accel_bias_x": (0.0, 0.1)})
+    assert not_compared(limits, Posterior(PRIOR.mean, fixed), [output]) == ["clock_offset"]
+    paired = replace(output, estimates={"clock_offset": Estimate(0.0, 1e-6, "s")})
+    assert not_compared(limits, Posterior(PRIOR.mean, fixed), [paired]) == []

@@ -151,6 +151,21 @@ def test_only_a_full_calibration_states_conformity(
     assert [element.text for element in find(root, "//dcc:statement/dcc:conformity")] == stated
 
 
+def test_certificate_with_unjudged_limits_states_no_conformity_of_the_whole_unit(
+    certificates: Mapping[str, Certificate],
+) -> None:
+    passed = certificates["passed"]
+    names = [f"gyro_bias_{axis}" for axis in "xyz"]
+    unjudged = replace(passed, result=passed.result.model_copy(update={"not_compared": names}))
+    xml = write_dcc(unjudged)
+    root = etree.fromstring(xml)
+    assert find(root, "//dcc:statement/dcc:conformity") == []
+    stated = find(root, "//dcc:statement[dcc:reference='7.8.6']/dcc:declaration/dcc:content")
+    assert "Not judged although they have a limit: gyro bias." in stated[0].text
+    assert "有限差但未判定：陀螺零偏" in stated[1].text
+    assert broken_rules(xml) == []
+
+
 def test_failed_quantity_is_reported(certificates: Mapping[str, Certificate]) -> None:
     decisions = read_dcc(write_dcc(certificates["failed"])).decisions
     assert [name for name, decision in decisions.items() if decision == "fail"] == ["accel_scale_y"]

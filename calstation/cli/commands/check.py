@@ -14,7 +14,7 @@ from calstation.cli.options import JsonOption, command_group
 from calstation.cli.show import emit
 from calstation.cli.text import say, sentence
 from calstation.config import check as check_text
-from calstation.config import detect_kind, library, line_of, load_station, missing_report_paths, read_text
+from calstation.config import detect_kind, editing, library, line_of, load_station, missing_report_paths, read_text
 from calstation.connection import station_conflicts
 from calstation.errors import ConfigurationError
 from calstation.quality import overdue_instruments
@@ -55,6 +55,7 @@ def check(
         section = load_station(path)[1].report
         missing = () if section is None else map(Problem.of, missing_report_paths(section, path))
         problems = [*station_conflicts(text), *(replace(each, line=line_of(text, each.key_path)) for each in missing)]
+    warnings = [] if problems else editing.warnings(kind, text)
     rows = [{"line": p.line, "text": p.text} for p in problems]
     lines = [f"{path}:{problem.line}: {problem.text}" for problem in problems]
     valid = [say("cli.file_valid", path=path, kind=kind)]
@@ -63,7 +64,9 @@ def check(
     )
     certificates = [{"name": due.name, "since": due.when} for due in overdue]
     valid += [say("cli.standard_certificate", **each) for each in certificates]
+    valid += [say("cli.file_warning", place=f"{path}:{each.line}", what=each.text) for each in warnings]
     row = {"file": str(path), "kind": kind, "problems": rows}
+    row |= {"warnings": [{"line": each.line, "text": each.text} for each in warnings]} if warnings else {}
     emit({**row, "overdue": certificates} if certificates else row, json, lines or valid)
     return ConfigurationError.exit_code if problems else 0
 

@@ -72,9 +72,11 @@ def resolve(
         result_table(out, solved.result)
         reason = "parameters" if parameters_only else "without_limits"
         without_verdict = "in_part" if solved.missing_data else reason
-        within_limits = "partial" if solved.result.partial else "passed"
+        unjudged = solved.result.unjudged
+        within_limits = "partial" if solved.result.partial else "judged" if unjudged else "passed"
         ending = without_verdict if passed is None else within_limits if passed else "failed"
-        out.print(say(f"cli.resolved_{ending}", stages=solved.result.stages, limits=solved.result.limits_text))
+        values = {"stages": solved.result.stages, "limits": solved.result.limits_text, "names": unjudged}
+        out.print(say(f"cli.resolved_{ending}", **values))
         for note in hand_notes(solved.result):
             out.print(note)
     if solved.missing_data:

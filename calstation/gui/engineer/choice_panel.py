@@ -47,6 +47,7 @@ class ChoicePanel(QFrame):
         self._forms: dict[str, ScheduleForm] = {}
         self._name = ""
         self._new_pin = False
+        self._warning: Text | None = None  #: Limits that no stage of the product judges.
         self.selector = StageSelector()
         self._product = label(kind="muted", name="choice_product_label", wrap=True)
         self._problem = label(kind="error", name="choice_problem_label", wrap=True)
@@ -102,6 +103,8 @@ class ChoicePanel(QFrame):
             form.changed.connect(self.changed)
             form.hide()
             self._form_box.addWidget(form)
+        warning = Text.of("run.unjudged_limits", product=options.name, names=options.unjudged)
+        self._warning = warning if options.unjudged else None
         show_text(self._problem, "")
         self.selector.show()
         self.selector.offer(options.offered, options.stages)
@@ -112,6 +115,7 @@ class ChoicePanel(QFrame):
         self.selector.hide()
         for form in self._forms.values():
             form.hide()
+        self._warning = None
         show_text(self._problem, problem)
         self._show_texts()
 
@@ -138,6 +142,8 @@ class ChoicePanel(QFrame):
         self._unlock_button.setText(say("engineer.set_pin" if self._new_pin else "engineer.enter_pin"))
         stage = self.selector.current if self.selector.isVisibleTo(self) else ""
         self._heading.setText(say("engineer.schedule_of", stage=stage) if stage else "")
+        if self._warning is not None:
+            show_text(self._problem, say(self._warning))
         show_text(self._product, self._name and say("engineer.for_product", product=product_text(self._name)))
 
     def _show_form(self, stage: str) -> None:

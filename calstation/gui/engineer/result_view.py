@@ -177,6 +177,8 @@ class ResultView(QWidget):
             texts.append(say("engineer.compared_with", time=local_time(finished.previous_utc)))
         self._summary.setText("  ·  ".join(texts))
         notes = advice.result_notes(result)
+        if result.passed and result.unjudged:
+            notes.insert(0, say("advice.not_judged", names=result.unjudged))
         if result.states_added and any(check.kind in _COMPENSATED for check in result.failed_checks):
             notes.append(say("engineer.compensated_without_states"))
         show_text(self._note, "\n".join(notes))

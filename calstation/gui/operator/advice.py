@@ -49,7 +49,9 @@ def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str
     """Return the reason for an outcome; `stopped` is the term of the family ``advice`` for a stopped run."""
     checks = [] if result is None else result.checks
     if outcome in ("passed", "partial"):
-        passed = say(f"advice.{outcome}", stages=[] if result is None else result.stages)
+        unjudged = [] if result is None else result.unjudged
+        code = "passed_judged" if outcome == "passed" and unjudged else outcome
+        passed = say(f"advice.{code}", stages=[] if result is None else result.stages, names=unjudged)
         return joined(passed, _near(checks), language.current())
     if outcome != "failed":
         return say(f"advice.{stopped}" if outcome == "stopped" else "advice.incomplete")
@@ -90,6 +92,8 @@ def repeats(result: Result | None) -> bool:
 def brief_reason(outcome: str, result: Result | None) -> str:
     """Return the worst failed check of a failed unit, or the value nearest to its limit of a passed unit."""
     if outcome in ("passed", "partial"):
+        if result is not None and result.unjudged:
+            return say("advice.not_judged", names=result.unjudged)
         return "" if result is None else _near(result.checks, brief=True)
     if outcome != "failed" or result is None:
         return ""

@@ -480,6 +480,9 @@ class OperatorPage(Page):
             return rendered(self._starting.refused).text
         if run.display_state == "idle" and (causes := self._overdue()):
             return say("operator.message_overdue", causes=causes)
+        summary = self._starting.run_summary
+        if run.display_state == "idle" and summary is not None and summary.unjudged and not summary.omitted:
+            return say("operator.message_unjudged", names=summary.unjudged)
         if run.display_state == "monitoring" and run.monitoring is not None:
             return say("operator.message_monitoring", state=say(run.monitoring[1]))
         if run.display_state == "not_ready" and has_pair(self.app.station_path):

@@ -48,7 +48,7 @@ class Draft(FormValues):
 
     @property
     def judges_differently(self) -> bool:
-        """Whether the limits of a product, or other entries that decide whether a unit passes, have changed."""
+        """Whether entries of `versions.JUDGING` have changed in a product."""
         return self.kind == "products" and any(self.differs((name,)) for name in versions.JUDGING)
 
     @property
@@ -179,7 +179,7 @@ class Drafts(QObject):
     def save(self, reason: str = "") -> None:
         """Store all changes in the site folder as new versions, with the station last.
 
-        `reason` is stored with every file in which limits have changed.
+        `reason` is stored with every file that judges differently.
 
         Raises
         ------

@@ -135,10 +135,10 @@ class StationPage(Page):
         return box(row(caption, self.station_box, self._new_button, (self._unsaved_label, 1), *buttons))
 
     def _make_reason(self) -> QWidget:
-        """Create the input for the reason, which is visible while limits have unsaved changes."""
+        """Create the input for the reason, visible while entries of `versions.JUDGING` have changed."""
         hint = "settings.reason_placeholder"
         self._reason_edit = line_edit("change_reason_edit", lambda _: self.refresh(), longest=200, hint=hint)
-        why = label("settings.reason_for_limits", buddy=self._reason_edit)
+        why = label("settings.reason_for_change", buddy=self._reason_edit)
         made = box(row(why, (self._reason_edit, 1)))
         made.setVisible(False)
         return made
@@ -280,7 +280,7 @@ class StationPage(Page):
         return self._role_reason()
 
     def _missing_reason(self) -> str:
-        """Return that a reason for changed limits is missing, or ""."""
+        """Return that a reason for changed limits, checks, stages or confirmations is missing, or ""."""
         missing = self.drafts.needs_reason and not self._reason_edit.text().strip()
         return say("settings.give_reason") if missing else ""
 
