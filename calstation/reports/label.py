@@ -3,7 +3,8 @@
 import io
 import socket
 import string
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.escaping import for_zpl
 from calstation.jobs import ProgressCallback
 from calstation.messages import local_time, os_reason
-from calstation.records import Verdict, write_atomic
+from calstation.records import Verdict, issued_reports, write_atomic
 from calstation.reports.content import certificate_number
 from calstation.reports.pdf import compile_template
 from calstation.results import History, Result, load_run_result
@@ -43,13 +44,20 @@ def print_label(report: ProgressCallback, result_file: Path, station: Path | Non
     """
     result = load_run_result(result_file, require_log=True)
     template = label_template(result)
-    if template is None or _has_failed_later(result, result_file.parent):
+    if template is None:
         raise InputError("label.not_passed", serial=result.serial)
+    history = History(result_file.parent)
+    history.refresh()
+    failed = history.failed_after(result.serial, result.started_utc or "")
+    if failed is not None:
+        raise InputError("label.failed_later", serial=result.serial, when=local_time(failed.started_utc))
+    if {*result.not_compared} - {*result.unobservable}:  # no stage estimates them, and no earlier calibration either
+        raise InputError("label.not_judged", serial=result.serial, names=result.unjudged)
     if template.suffix == ".zpl":
-        _print_text(_fill_template(template, result), station)
+        _print_text(_fill_template(template, label_fields(result, result_file.parent)), station)
         return None
     pdf = result_file.absolute().parent.parent / "labels" / f"{result_file.stem}.pdf"
-    content = _compile_pdf(template, result)
+    content = _compile_pdf(template, result, label_fields(result, result_file.parent))
     try:
         pdf.parent.mkdir(exist_ok=True)
         write_atomic(pdf, content)
@@ -67,16 +75,14 @@ def print_labels(report: ProgressCallback, result_files: Sequence[Path], station
     return [pdf for pdf in pdfs if pdf is not None]
 
 
-def _has_failed_later(result: Result, folder: Path) -> bool:
-    history = History(folder)
-    history.refresh()
-    runs = [run for run in history.of(result.serial) if run.verdict in (Verdict.PASSED, Verdict.FAILED)]
-    return bool(runs) and runs[0].verdict is Verdict.FAILED and runs[0].started_utc > (result.started_utc or "")
+def label_fields(result: Result, folder: Path | None = None) -> dict[str, str]:
+    """Return the texts for the fields of a template; ``code`` is the content of the two-dimensional code.
 
-
-def label_fields(result: Result) -> dict[str, str]:
-    """Return the texts for the fields of a template; ``code`` is the content of the two-dimensional code."""
-    certificate = certificate_number(result)
+    ``certificate`` is empty unless a certificate of the run is recorded in `folder`, the folder of the runs.
+    """
+    run, issued = certificate_number(result), False
+    with suppress(InputError):  # a damaged record confirms no certificate
+        issued = folder is not None and bool(issued_reports(folder, (), run))
     date, _, time = local_time(result.started_utc or "").partition(" ")
     return {
         "serial": result.serial,
@@ -88,8 +94,9 @@ def label_fields(result: Result) -> dict[str, str]:
         "time": time,
         "attempt": str(result.attempt),
         "software": result.software.version if result.software is not None else "",
-        "certificate": certificate,
-        "code": f"{result.serial} {certificate}",
+        "run": run,
+        "certificate": run if issued else "",
+        "code": f"{result.serial} {run}",
     }
 
 
@@ -102,8 +109,8 @@ def qr_code(text: str) -> str:
     return image.getvalue().decode()
 
 
-def _fill_template(template: Path, result: Result) -> str:
-    fields = {name: for_zpl(text) for name, text in label_fields(result).items()}
+def _fill_template(template: Path, texts: Mapping[str, str]) -> str:
+    fields = {name: for_zpl(text) for name, text in texts.items()}
     try:
         return string.Template(template.read_text(encoding="utf-8")).substitute(fields)
     except OSError as exc:
@@ -128,15 +135,14 @@ def _print_text(text: str, station: Path | None) -> None:
         ) from exc
 
 
-def _compile_pdf(template: Path, result: Result) -> bytes:
+def _compile_pdf(template: Path, result: Result, texts: Mapping[str, str]) -> bytes:
     """Return the PDF of a template, identical for identical results."""
     from typst import TypstError
 
     started = (
         datetime.fromisoformat(result.started_utc) if result.started_utc else datetime.fromtimestamp(0).astimezone()
     )
-    fields = label_fields(result)
-    fields["qr"] = qr_code(fields["code"])
+    fields = {**texts, "qr": qr_code(texts["code"])}
     try:
         return compile_template(template, fields, started, template.parent)
     except TypstError as exc:

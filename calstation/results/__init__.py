@@ -70,5 +70,5 @@ from calstation.results.result import (
 from calstation.results.run_events import TimedEvent, load_events
 from calstation.results.solver_chain import StageChain, one_blas_thread, solve
 from calstation.results.stated import ADDED_LATER, altered_entry, difference, load_run_result, run_log
-from calstation.results.stored_runs import ended_result
+from calstation.results.stored_runs import ended_result, lacks_log, log_doubt
 from calstation.results.temperature import compensate_samples, known_temperatures

@@ -1,8 +1,8 @@
 """Searchable history of the runs in a folder, from an index of the runs' files, and counts of a shift."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, suppress
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, time, timedelta
 from itertools import pairwise, takewhile
 from pathlib import Path
@@ -28,7 +28,7 @@ from calstation.records import (
 )
 from calstation.results.result import NO_RESULT, SCHEMA, Parameter, Result, load_result
 from calstation.results.stated import load_run_result
-from calstation.results.stored_runs import has_files, read_run, run_stamps
+from calstation.results.stored_runs import has_files, is_run, read_run, run_stamps
 
 if TYPE_CHECKING:
     from calstation.records import RunIndex
@@ -150,6 +150,15 @@ class History:
         runs = self._query(lambda: self._index.of_unit(serial, (*_PASSED, Verdict.FAILED), missing=True))
         return next((run.record.verdict is Verdict.FAILED for run in runs if not run.record.partial), False)
 
+    def failed_after(self, serial: str, started_utc: str) -> RunRecord | None:
+        """Return the unit's latest run that passed or failed if it failed and started later than `started_utc`.
+
+        Failed partial runs count, and so do runs whose files are missing, as for `failures`.
+        """
+        runs = self._query(lambda: self._index.of_unit(serial, (Verdict.PASSED, Verdict.FAILED), missing=True))
+        failed = runs[0].record if runs and runs[0].record.verdict is Verdict.FAILED else None
+        return failed if failed is not None and failed.started_utc > started_utc else None
+
     def result(self, record: RunRecord) -> Result:
         """Return the result of a run in the index, from its log if there is no result file. Raises InputError.
 
@@ -167,9 +176,45 @@ class History:
                 raise InputError("result.altered_without_log", file=record.result)
             return result
         try:
-            return Result.from_json(last_result(record.log) or {})
+            result = Result.from_json(last_result(record.log) or {})
         except NO_RESULT as exc:
             raise InputError("result.not_a_result", file=record.log, schema=SCHEMA) from exc
+        if not is_run(result, record.log.stem):
+            run = Path(result.log.file).stem
+            raise InputError("result.log_of_other", log=record.log, serial=result.serial, run=run)
+        return result
+
+    def stated(self, record: RunRecord) -> Result:
+        """Return the result of a run or, if its result file was changed, what its log or else the index states.
+
+        The index states only the parameters. Raises InputError.
+        """
+        if not record.altered or record.origin:
+            return self.result(record)
+        with suppress(InputError):
+            return self.result(replace(record, result=None))
+        (run,) = self._index.runs_by_name([record.log.stem])
+        rows = {name: {"value": value, "sigma": run.sigmas.get(name, 0.0)} for name, value in run.values.items()}
+        return Result.from_json(
+            {
+                "schema": SCHEMA,
+                "unit": {"serial": record.serial},
+                "stages": record.stages,
+                "outcome": "failed" if record.verdict is Verdict.FAILED else "passed",
+                "parameters": rows,
+                "log": {"file": record.log.name},
+            }
+        )
+
+    def read_again(self, record: RunRecord) -> None:
+        """Read the files of a run of the folder again, of which the log was changed although the result file was not.
+
+        The run keeps what the index states if its log contradicts it, and counts as changed.
+        """
+        for earlier in self._index.runs_by_name([record.log.stem]):
+            run = read_run(self._folder, earlier.name, earlier.stamp, earlier)
+            if run is not None and run != earlier:
+                self._index.update([run])
 
     def resolves(self, log: Path) -> list[ResolveRecord]:
         """Return the offline solutions of a log of the folder, the oldest first. Raises InputError."""
@@ -268,11 +313,11 @@ def refresh_history(report: ProgressCallback, folder: Path) -> int:
 
 
 def load_results(report: ProgressCallback, folder: Path, runs: Sequence[RunRecord]) -> list[Result]:
-    """Job: read the results of runs in a folder's index. Raises InputError if one cannot be read."""
+    """Job: read the results of runs in a folder's index as `History.stated`. Raises InputError if one is unreadable."""
     history = History(folder)
     results = []
     for run in runs:
-        results.append(history.result(run))
+        results.append(history.stated(run))
         report(len(results) / len(runs))
     return results
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from calstation.errors import InputError
+from calstation.messages import Text
 from calstation.parsing import read_json
 from calstation.records import (
     SUFFIX,
@@ -90,6 +91,31 @@ def read_run(folder: Path, name: str, stamp: str, earlier: IndexedRun | None = N
     return run
 
 
+def lacks_log(record: RunRecord) -> bool:
+    """Return whether the log of a run of this folder is missing."""
+    return not record.origin and not record.log.exists()
+
+
+def log_doubt(record: RunRecord) -> Text | None:
+    """Return why the existing log of a run with a verdict does not confirm its result; None if it states a result.
+
+    The log is unreadable, of another run, or without a result, as after its end was cut off.
+    """
+    if record.origin or not record.verdict.judged or not record.log.is_file():
+        return None
+    try:
+        stored = last_result(record.log)
+    except InputError as error:
+        return error.as_text
+    if stored is None:
+        return Text.of("result.not_in_log", log=record.log)
+    with suppress(*NO_RESULT):
+        other = Result.from_json(stored)
+        if not is_run(other, record.log.stem):
+            return Text.of("result.log_of_other", log=record.log, serial=other.serial, run=Path(other.log.file).stem)
+    return None
+
+
 def _contradicts(run: RunRecord, earlier: RunRecord) -> bool:
     """Return whether a result file without a log differs from the result of the run in the index."""
     return run.result_sha256 != earlier.result_sha256 if earlier.result_sha256 else earlier.altered
@@ -110,7 +136,7 @@ def ended_result(log: Log) -> Result | None:
     """Return the last result in the log of the run to which it belongs, or None if the log contains no valid one."""
     try:
         results = map(Result.from_json, reversed(log.results))
-        return next((result for result in results if _is_run(result, log.path.stem)), None)
+        return next((result for result in results if is_run(result, log.path.stem)), None)
     except NO_RESULT:
         return None
 
@@ -119,7 +145,7 @@ def _from_file(folder: Path, name: str, stamp: str, path: Path) -> IndexedRun | 
     """Read a run from its result file or, if that was altered, from its log."""
     content = read_json(path)
     result = Result.from_json(content)
-    if not _is_run(result, name):
+    if not is_run(result, name):
         return None
     run = _from_result(folder, name, stamp, result, path)
     log = run.record.log
@@ -130,6 +156,8 @@ def _from_file(folder: Path, name: str, stamp: str, path: Path) -> IndexedRun | 
             entry = altered_entry(content, stored)
     if entry is None:
         return replace(run, record=replace(run.record, result_sha256=content_digest(content)))
+    if stored is not None and not is_run(Result.from_json(stored), name):  # the log of another run confirms nothing
+        return replace(run, record=replace(run.record, altered=True, result_sha256=content_digest(content)))
     digest, unconfirmed = "", False
     if stored is None:
         contents = open_log(log)
@@ -152,7 +180,7 @@ def _check_texts(run: IndexedRun) -> None:
         raise ValueError("PostgreSQL has no such character")
 
 
-def _is_run(result: Result, name: str) -> bool:
+def is_run(result: Result, name: str) -> bool:
     """Return whether a result belongs to the run with this name instead of being a copy or an offline solution."""
     return result.outcome != "resolved" and Path(result.log.file.replace("\\", "/")).stem == name
 

@@ -1,6 +1,7 @@
 ^XA
-^FX Label 50 mm x 30 mm at 203 dpi. UTF-8. Fields: serial, product, station, operator, verdict, date, time, attempt, software, certificate,
-^FX code (serial number and certificate number, here as a QR code).
+^FX Label 50 mm x 30 mm at 203 dpi. UTF-8. Fields: serial, product, station, operator, verdict, date, time, attempt, software,
+^FX run (its name), certificate (its number; empty unless issued),
+^FX code (serial number and run, here as a QR code).
 ^CI28
 ^PW400
 ^LL240

@@ -13,11 +13,12 @@ import zxingcpp
 
 from calstation.config.library import shipped_folder
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
-from calstation.messages import local_time, render
+from calstation.messages import Language, local_time, render
 from calstation.reports import label_template, print_label, print_labels
 from calstation.reports.label import label_fields, qr_code
 from calstation.results import Result, load_result
 from tests.helpers import raises_code, write_log_of
+from tests.issued_records import issue_in_records
 from tests.reports.test_fonts import RARE, fonts_of, write_font
 from tests.site_folder import BENCH, PRODUCT, STATION
 
@@ -115,7 +116,7 @@ def test_code_of_the_typst_label_is_readable(site: Path) -> None:
     pixels = np.frombuffer(image.constBits(), np.uint8).reshape(image.height(), image.bytesPerLine())
     (code,) = zxingcpp.read_barcodes(pixels[:, : image.width()])
     assert code.text == CODE
-    assert fields["certificate"] == "SN-000042_1"
+    assert (fields["run"], fields["certificate"]) == ("SN-000042_1", ""), "no certificate has been issued"
 
 
 def test_printer_draws_the_same_code(site: Path) -> None:
@@ -200,8 +201,28 @@ def test_no_label_is_printed_for_a_unit_that_failed_later(site: Path) -> None:
     later = {"outcome": "failed", "started_utc": "2099-01-01T00:00:00+00:00", "log": {"file": f"{name}.h5"}}
     failed = {**json.loads(passed.read_text(encoding="utf-8")), **later}
     (passed.parent / f"{name}.json").write_text(json.dumps(failed), encoding="utf-8")
-    with pytest.raises(InputError, match="latest run of all stages has not passed"):
+    file = passed.parent / f"{name}.json"
+    failing = pytest.raises(InputError, match="failed in a later run, started 2099-01-01")
+    with failing as caught:
         print_label(lambda *args, **more: None, passed, None)
+    assert "不合格" in render(caught.value.code, caught.value.values, "zh_CN").text
+    file.unlink()  # the index still knows the run, which does not become undone
+    with pytest.raises(InputError, match="failed in a later run"):
+        print_label(lambda *args, **more: None, passed, None)
+    file.write_text(json.dumps({**failed, "partial": True}), encoding="utf-8")
+    with pytest.raises(InputError, match="failed in a later run"):
+        print_label(lambda *args, **more: None, passed, None)
+
+
+def test_label_states_only_an_issued_certificate(site: Path) -> None:
+    result_file = write_result(site)
+    (site / "runs" / "reports.jsonl").write_text("damaged\n", encoding="utf-8")
+    assert label_fields(load_result(result_file), result_file.parent)["certificate"] == ""
+    (site / "runs" / "reports.jsonl").unlink()
+    issue_in_records(site, site / "runs", "SN-000042_1")
+    fields = label_fields(load_result(result_file), result_file.parent)
+    assert fields["certificate"] == "SN-000042_1"
+    assert fields["code"] == CODE
 
 
 def test_no_label_is_printed_for_an_edited_result_or_without_its_log(site: Path) -> None:
@@ -220,3 +241,16 @@ def test_every_shipped_template_uses_known_fields() -> None:
     fields = label_fields(Result.from_json(RESULT))
     text = (shipped_folder() / "products" / "label.zpl").read_text(encoding="utf-8")
     assert "SN-000042" in Template(text).substitute(fields)
+
+
+def test_unit_with_limits_that_no_stage_judged_gets_no_label(site: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        printed(site, not_compared=["gyro_bias_x", "gyro_bias_y", "gyro_bias_z"])
+    assert caught.value.code == "label.not_judged"
+    languages: tuple[Language, ...] = ("en", "zh_CN")
+    texts = [render(caught.value.code, caught.value.values, each, window=True).text for each in languages]
+    assert "gyro bias" in texts[0]
+    assert "陀螺零偏" in texts[1]
+    use_template(site, "label.typ", "#set page(width: 50mm, height: 30mm)\n#sys.inputs.serial")
+    known = {"not_compared": ["gyro_bias_x"], "unobservable": ["gyro_bias_x"]}  # from the calibration before
+    assert printed(site, **known) is not None
