@@ -10,6 +10,11 @@ from calstation.records.indexed_run import IndexedRun, RunFilter, to_columns
 #: Time in the file name of a log or in the identifier of a batch.
 _TIME_STAMP = re.compile(r"_?\d{8}T\d{6,}", re.IGNORECASE)
 
+#: Part of a file name or of the identifier of a batch, up to or with its time.
+_PART_OF_NAME = re.compile(r"_\d{1,8}(T\d*)?$|\d{8}T\d*", re.IGNORECASE)
+#: Time of day in a file name; fewer digits would be found in too many names.
+_TIME_OF_DAY = re.compile(r"\d{6,}")
+
 #: Content of `failed_checks` if no check failed.
 NO_CHECKS = "[]"
 #: Fields of a run that are searched. Column `text` of the table contains the searched text and `content` the whole
@@ -83,9 +88,12 @@ def conditions_of(run_filter: RunFilter) -> list[sa.ColumnElement[bool]]:
     if run_filter.names:
         conditions.append(RUNS.c.name.in_(run_filter.names))
     if search := run_filter.search.strip():
-        searched = [RUNS.c.name, RUNS.c.batch] if _TIME_STAMP.search(search) else [RUNS.c.text]
-        text = search if _TIME_STAMP.search(search) else search.casefold()
-        conditions.append(sa.or_(*(column.contains(text, autoescape=True) for column in searched)))
+        searched = [(RUNS.c.text, search.casefold())]
+        if _PART_OF_NAME.search(search):
+            searched = [(RUNS.c.name, search), (RUNS.c.batch, search), *searched]
+        elif _TIME_OF_DAY.fullmatch(search):
+            searched.append((RUNS.c.name, f"T{search}"))
+        conditions.append(sa.or_(*(column.contains(text, autoescape=True) for column, text in searched)))
     return conditions
 
 

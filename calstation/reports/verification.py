@@ -12,7 +12,9 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, os_reason
 from calstation.records import (
+    LATEST_FIRST,
     SUFFIX,
+    RunFilter,
     database_contradictions,
     database_heads,
     find_heads,
@@ -28,6 +30,7 @@ from calstation.records import (
 )
 from calstation.reports.issued_pdf import file_digests
 from calstation.reports.request import default_report_folder, report_folder
+from calstation.results import load_run_result
 
 #: Maximum number of missing files that are named.
 _MAX_NAMES = 5
@@ -108,7 +111,7 @@ def read_verified_trail(report: ProgressCallback, station: Path | None, runs: Pa
     # the files of a certificate may be with its runs, the last of the locations, where others need not be certificates
     searched = dict.fromkeys([*folders, *(each for *_, locations in issued for each in locations[:-1])])
     forged, unrecorded = _unrecorded_files(list(searched), runs)
-    faults, cautions = [*faults, *forged], [*cautions, *unrecorded]
+    faults, cautions = [*faults, *forged, *_changed_results(runs)], [*cautions, *unrecorded]
     others = [Text.of("audit.files_intact", count=intact)] if intact else []
     for record in map(_verify_record, _record_folders(runs, site)):
         cautions += record.cautions
@@ -265,6 +268,25 @@ def _missing_runs(folder: Path) -> list[Text]:
     logs = {each.stem for each in folder.glob(f"*{SUFFIX}")}
     names = sorted(name for name, missing in runs.items() if missing or name not in logs)
     return [Text.of("audit.runs_missing", folder=folder, count=len(names), names=_first(names))] if names else []
+
+
+def _changed_results(folder: Path) -> list[Text]:
+    """Return a fault for every run that the index marks because its result file was changed after the run."""
+    from calstation.records.run_index import FILE, RunIndex  # loads SQLAlchemy
+
+    if not (folder / FILE).is_file():
+        return []
+    faults = []
+    for run in RunIndex(folder).records(RunFilter(altered=True), None, 0, LATEST_FIRST):
+        if run.origin or run.result is None or run.missing:
+            continue
+        try:
+            load_run_result(run.result)
+        except InputError as error:
+            faults.append(error.as_text)
+        else:  # a file that agrees with its log has been restored since
+            faults += [] if run.log.exists() else [Text.of("result.altered_without_log", file=run.result)]
+    return faults
 
 
 def _certificates_of(folder: Path) -> Iterator[Mapping[str, object]]:

@@ -28,10 +28,13 @@ from calstation.results.history import History
 from calstation.results.plots import StageSpan
 from calstation.results.resolving import Resolved, resolve
 from calstation.results.result import Result, in_sigma, write_json
+from calstation.results.stored_runs import lacks_log
 
 #: Measured cost of solving a sample relative to reading it; filters take several passes.
 _BATCH, _FILTER = {"rate": 2.5, "six_position": 1.0}, 10.0
 
+#: Columns with 1 or 0: run is partial, its unit was released, its result file was changed, its log is missing.
+_FLAGS = ("partial", "released", "result_changed", "log_missing")
 #: First columns of exported runs, before the values and sigmas of the parameters.
 _RUN_COLUMNS = (
     "serial",
@@ -46,6 +49,7 @@ _RUN_COLUMNS = (
     "failed_checks",
     "batch",
     "slot",
+    *_FLAGS,
 )
 
 
@@ -182,7 +186,8 @@ def _write_parquet(file: Path, rows: Iterator[list[Any]]) -> None:
     except ImportError as exc:
         raise ConfigurationError("api.no_package", function="Parquet", package="pyarrow") from exc
     names, *runs = rows
-    types = {name: pa.string() for name in _RUN_COLUMNS} | {"duration_s": pa.float64(), "attempt": pa.int64()}
+    types = {name: pa.string() for name in _RUN_COLUMNS} | {"duration_s": pa.float64()}
+    types |= dict.fromkeys(("attempt", *_FLAGS), pa.int64())
     columns = ([run[k] for run in runs] for k in range(len(names)))
     arrays = [pa.array(column, types.get(name, pa.float64())) for name, column in zip(names, columns, strict=True)]
     pyarrow.parquet.write_table(pa.table(arrays, names=names), file)
@@ -217,6 +222,7 @@ def _run_rows(runs: Sequence[IndexedRun]) -> Iterator[list[Any]]:
         cells: list[Any] = [record.serial, record.started_utc, record.duration, record.product, record.station]
         cells += [record.operator, record.attempt, str(record.verdict), " ".join(record.stages)]
         cells += ["; ".join(check.name for check in run.failed_checks), record.batch, record.slot]
+        cells += map(int, (record.partial, record.released, record.altered, lacks_log(record)))
         for name in names:
             cells += [run.values[name], run.sigmas.get(name, math.nan)] if name in run.values else [None, None]
         yield cells

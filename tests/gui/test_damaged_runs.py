@@ -3,6 +3,8 @@
 import json
 from datetime import timedelta
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 from PySide6.QtCore import Qt
@@ -11,14 +13,17 @@ from pytestqt.qtbot import QtBot
 
 from calstation.config import library
 from calstation.gui.history import HistoryPage
+from calstation.gui.logs.comparison import Comparison
 from calstation.gui.quality import QualityPage
 from calstation.gui.text import language, say
 from calstation.records import LogMeta, RawLogWriter, RunFilter
+from calstation.reports import read_verified_trail
 from calstation.results import History
+from calstation.results.plots import LogIndex
 from tests.dead_logs import META, NOW
 from tests.gui import test_history_page as base
 from tests.gui.conftest import Operator
-from tests.gui.test_history_lists import choose, combo
+from tests.gui.test_history_lists import choose, combo, compare
 from tests.gui.test_history_page import WAIT, button, listed_runs, rows, select_row, write_run
 from tests.gui.test_quality_page import click_tab
 
@@ -190,4 +195,141 @@ def test_yield_counts_a_failed_run_whose_files_were_deleted(operator: Operator, 
     click_tab(operator, say("quality.yield"))
     operator.until(lambda: not page.busy and words in page.count_label.text())
     assert "66.7 % (2/3)" in operator.widget("yield_overall_label", QLabel).text()
+    language.use("en")
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_changed_result_is_compared_by_the_values_of_the_index_and_marked(
+    page: HistoryPage, folder: Path, qtbot: QtBot, code: str
+) -> None:
+    language.use(code)
+    path = write_run(folder, "SN-000001", "failed", timedelta(hours=1), bias=5.0)
+    write_run(folder, "SN-000001", "passed", timedelta(hours=2))
+    listed_runs(page, qtbot)
+    edited = json.loads(path.read_text("utf-8"))
+    edited["parameters"]["gyro_bias_x"]["value"] /= 5.0
+    path.write_text(json.dumps({**edited, "outcome": "passed"}), "utf-8")
+    list_again(page, qtbot)
+    model = compare(page, (0, 1), qtbot).model()
+    assert [model.index(0, k).data().strip() for k in (1, 3)] == ["1.0000", "5.0000"]
+    headings = [model.headerData(k, Qt.Orientation.Horizontal) for k in (1, 3)]
+    assert [say("badge.altered") in heading for heading in headings] == [False, True]
+    assert say("history.compared_without_result") in page._comparison._note.text()
+    language.use("en")
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_log_of_another_unit_marks_the_run_and_is_named(
+    page: HistoryPage, folder: Path, qtbot: QtBot, code: str
+) -> None:
+    language.use(code)
+    path = write_run(folder, "SN-000001", "passed", timedelta(hours=1))
+    other = write_run(folder, "SN-000002", "passed", timedelta(hours=2))
+    for each in (path, other):
+        write_log(each)
+    listed_runs(page, qtbot)
+    path.with_suffix(".h5").write_bytes(other.with_suffix(".h5").read_bytes())
+    select_row(page, 1, qtbot)
+    listed_runs(page, qtbot)
+    select_row(page, 0, qtbot)
+    listed_runs(page, qtbot)
+    assert rows(page) == [("SN-000001", say("badge.altered")), ("SN-000002", say("badge.passed"))]
+    assert "SN-000002" in page.details.reason_label.text()
+    assert button(page, "history_result_button").toolTip() == say("history.result_changed")
+    assert (
+        "is not the log of this run" if code == "en" else "不是本次标定的数据记录"
+    ) in page.details.reason_label.text()
+    (folder / "history.sqlite").unlink()  # a new index finds the same
+    history = History(folder)
+    history.refresh()
+    found = {run.serial: run.badge for run in history.runs()}
+    assert found == {"SN-000001": "altered", "SN-000002": "passed"}
+    language.use("en")
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_log_without_its_end_is_named_in_the_details_and_in_the_record(
+    page: HistoryPage, folder: Path, qtbot: QtBot, code: str
+) -> None:
+    language.use(code)
+    path = write_run(folder, "SN-000001", "failed", timedelta(hours=1), bias=5.0)
+    run = {**META["run"], "started_utc": NOW.isoformat()}
+    RawLogWriter(path.with_suffix(".h5"), LogMeta.model_validate({**META, "run": run})).close("failed")
+    listed_runs(page, qtbot)
+    assert rows(page) == [("SN-000001", say("badge.failed"))]
+    assert ("its end is missing" if code == "en" else "缺少结尾") in page.details.reason_label.text()
+    assert say("history.outside_limits", limits=say("common.limits")) in page.details.reason_label.text()
+    qtbot.mouseClick(button(page, "history_record_button"), Qt.MouseButton.LeftButton)
+    label = page.record.findChild(QLabel, "no_events_label")
+    qtbot.waitUntil(lambda: label.text() == say("history.log_without_events"), timeout=WAIT)
+    assert not page.record.events.isVisible()
+    language.use("en")
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_missing_partial_run_is_not_said_to_count_in_the_yield(
+    page: HistoryPage, folder: Path, qtbot: QtBot, code: str
+) -> None:
+    language.use(code)
+    gone = write_run(folder, "SN-000001", "failed", timedelta(hours=1), bias=5.0, partial=True)
+    listed_runs(page, qtbot)
+    gone.unlink()
+    list_again(page, qtbot)
+    reason = page.details.reason_label.text()
+    assert ("does not count in the yield" if code == "en" else "不计入合格率") in reason
+    assert ("counts in the yield and" if code == "en" else "仍计入合格率") not in reason
+    language.use("en")
+
+
+def test_notice_of_success_is_dismissed_with_another_run(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
+    for number in (1, 2):
+        write_run(folder, f"SN-00000{number}", "passed", timedelta(hours=number))
+    listed_runs(page, qtbot)
+    page.notice.inform("good", "operator.label_saved", lambda: "SN-000001.pdf", page.setFocus)
+    list_again(page, qtbot)
+    assert page.notice.isVisible(), "the same run is selected again"
+    select_row(page, 1, qtbot)
+    listed_runs(page, qtbot)
+    assert not page.notice.isVisible()
+    page.notice.inform("bad", "operator.label_saved", lambda: "SN-000002.pdf", page.setFocus)
+    select_row(page, 0, qtbot)
+    listed_runs(page, qtbot)
+    assert page.notice.isVisible(), "a failure is not lost"
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_offline_page_states_the_verdict_beside_a_log_without_its_end(folder: Path, qtbot: QtBot, code: str) -> None:
+    language.use(code)
+    path = write_run(folder, "SN-000001", "failed", timedelta(hours=1), bias=5.0)
+    widget = Comparison()
+    qtbot.addWidget(widget)
+    meta = LogMeta.model_validate({**META, "run": {**META["run"], "started_utc": NOW.isoformat()}})
+    index = SimpleNamespace(path=path.with_suffix(".h5"), meta=meta, outcome=None, stored=None)
+    widget.show_log(cast("LogIndex", index))
+    text = widget.online_badge.text()
+    assert say("badge.failed") in text
+    assert ("end of this log is missing" if code == "en" else "缺少结尾") in text
+    path.unlink()
+    widget.show_log(cast("LogIndex", index))
+    assert widget.online_badge.text() == say("logs.run_not_ended")
+    language.use("en")
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_verification_of_the_site_names_runs_with_changed_results(
+    page: HistoryPage, folder: Path, qtbot: QtBot, code: str
+) -> None:
+    language.use(code)
+    logged = write_run(folder, "SN-000001", "failed", timedelta(hours=1), bias=5.0)
+    write_log(logged)
+    alone = write_run(folder, "SN-000002", "failed", timedelta(hours=2), bias=5.0)
+    listed_runs(page, qtbot)
+    for path in (logged, alone):
+        edit(path)
+    list_again(page, qtbot)
+    station = library.find("stations", "virtual_bench")
+    faults = read_verified_trail(lambda *_, **__: None, station, folder).faults
+    assert [each.code for each in faults] == ["result.altered", "result.altered_without_log"]
+    assert [each.values["file"] for each in faults] == [logged, alone]
+    assert ("its log is missing" if code == "en" else "数据记录缺失") in say(faults[1])
     language.use("en")

@@ -22,8 +22,10 @@ from pytestqt.qtbot import QtBot
 from calstation.gui.history import HistoryPage
 from calstation.gui.text import language, say
 from calstation.gui.widgets import ThemedPlot, state_colour, state_icon
+from calstation.physics import DEGREE_PER_HOUR
 from calstation.records import OnlineDifference, append_resolve, resolve_file
 from calstation.results import load_result
+from tests.check_rows import check_row
 from tests.dead_logs import NOW
 from tests.gui import test_history_page as base
 from tests.gui.test_history_page import WAIT, button, listed_runs, rows, select_row, visible_texts, write_run
@@ -451,3 +453,17 @@ def test_details_name_the_attempts_without_a_run(
     texts = visible_texts(page)
     assert texts[texts.index("1–3") - 1] == name
     language.use("en")
+
+
+def test_values_are_plotted_relative_to_the_limits_of_their_own_run(
+    page: HistoryPage, folder: Path, qtbot: QtBot
+) -> None:
+    """A run within its own, wider limits is not drawn outside those of another run."""
+    write_run(folder, "SN-000001", "passed", timedelta(hours=2))
+    wide = [check_row("within", "gyro_bias_x", 5.0, [-10.0 * DEGREE_PER_HOUR, 10.0 * DEGREE_PER_HOUR], passed=True)]
+    write_run(folder, "SN-000001", "passed", timedelta(hours=1), bias=5.0, checks=wide)
+    listed_runs(page, qtbot)
+    compare(page, (0, 1), qtbot)
+    symbols = [item for item in page._comparison.plot.getPlotItem().items if hasattr(item, "points")]
+    drawn = [[point.pos().x() for point in item.points()] for item in symbols]
+    assert drawn == [[pytest.approx(1.0 / 3.0)], [pytest.approx(0.5)]]

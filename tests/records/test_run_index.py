@@ -68,7 +68,8 @@ def test_search_does_not_find_digits_of_the_time_in_names(index: RunIndex) -> No
     index.update([run(name, 5, serial="SN-000042", batch=batch)])
     for digits in ("2026", "1015", "20261127"):
         assert index.find(RunFilter(search=digits)) == []
-    for text in ("000042", "sn-0000", name, name.lower(), batch, "ab12"):
+    parts = (name[:14], name[:20], "20261127t1015", "101500", "20261127T101501-AB")
+    for text in ("000042", "sn-0000", name, name.lower(), batch, "ab12", *parts):
         assert [each.name for each in index.find(RunFilter(search=text))] == [name], text
 
 

@@ -90,6 +90,8 @@ def test_csv_row_has_the_values_and_sigmas_of_its_run(folder: Path, tmp_path: Pa
     assert (failed["serial"], failed["started_utc"]) == ("SN-1", "2026-11-01T08:00:00+00:00")
     assert (failed["product"], failed["station"], failed["operator"]) == ("Navigation grade A", "bench 1", "li")
     assert (failed["batch"], failed["slot"], partial["batch"], partial["slot"]) == ("", "", "B-7", "A1")
+    flags = ("partial", "released", "result_changed", "log_missing")
+    assert [[row[name] for name in flags] for row in (partial, failed)] == [["1", "0", "0", "1"], ["0", "0", "0", "1"]]
     assert (partial["serial"], partial["accel_bias_z_sigma [m/s²]"], partial["gyro_bias_x [rad/s]"]) == (
         "SN=2, x",
         "1.0",

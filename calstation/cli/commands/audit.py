@@ -85,6 +85,7 @@ def check_audit(file: Path | None, json: str | None) -> int:
     path, site = _read(file)
     if file is None:
         faults, gaps = check_runs(Path("runs"))
+        faults = [each for each in faults if each not in site.faults]
         # a gap is no fault, because the run may have been done at another station
         site = replace(site, state=(*site.state, *faults, *gaps), faults=(*site.faults, *faults))
     due = validation_due() if file is None else None

@@ -8,7 +8,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.text import bind, on_language_change, parameter_text, say
+from calstation.gui.text import bind, on_language_change, parameter_text, say, term
 from calstation.gui.widgets import (
     ComparisonTable,
     ParameterSet,
@@ -67,12 +67,17 @@ class RunComparison(QWidget):
             ]
         )
         self.plot.show_results(self.table.names, results)
-        self.plot.setVisible(bool(self.plot.limits))
+        self.plot.setVisible(any(self.plot.limits))
         self._refresh()
 
     def _heading(self, k: int) -> Callable[[], str]:
         run = self._runs[k]
-        return lambda: f"{_SYMBOLS[k][1]} {run.serial}\n{local_time(run.started_utc)}"
+
+        def heading() -> str:
+            mark = f"\n{term('badge', run.badge)}" if run.altered else ""
+            return f"{_SYMBOLS[k][1]} {run.serial}\n{local_time(run.started_utc)}{mark}"
+
+        return heading
 
     def _refresh(self) -> None:
         serials = list(dict.fromkeys(run.serial for run in self._runs))
@@ -83,29 +88,32 @@ class RunComparison(QWidget):
         lines = [say("history.differences_to_first")]
         if len(serials) == 1:
             lines.append(say("history.large_differences"))
-        if self._runs and not self.plot.limits:
+        if self._runs and not any(self.plot.limits):
             lines.append(say("history.no_limits_to_draw"))
+        if any(run.altered for run in self._runs):
+            lines.append(say("history.compared_without_result"))
         show_text(self._note, " ".join(lines))
 
 
 class ComparisonPlot(ThemedPlot):
-    """Plots the values and sigmas of several results relative to the limits, one row per parameter."""
+    """Plots the values and sigmas of several results relative to their own limits, one row per parameter."""
 
     def __init__(self) -> None:
         super().__init__(zoom=True)
         self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self._names: list[str] = []
-        #: Limits of the plotted parameters.
-        self.limits: Limits = {}
+        #: Limits of the plotted parameters in each result.
+        self.limits: list[Limits] = []
         self._results: Sequence[Result] = ()
         bind(self.setAccessibleName, "history.relative_values")
         theme.on_appearance_change(self, self.draw)
 
     def show_results(self, names: Sequence[str], results: Sequence[Result]) -> None:
-        """Plot the named parameters for which at least one result has limits."""
+        """Plot the named parameters for which at least one result has limits, for the results that have them."""
         self._results = results
-        self.limits = {name: limits for result in reversed(results) for name, limits in limits_of(result).items()}
-        self._names = [name for name in ordered(names) if name in self.limits]
+        self.limits = [limits_of(result) for result in results]
+        limited = {name for limits in self.limits for name in limits}
+        self._names = [name for name in ordered(names) if name in limited]
         self.setMinimumHeight(theme.BODY * len(self._names) + _AXIS_HEIGHT)  # so that parameter names do not overlap
         self.getViewBox().reset()
         self.draw()
@@ -117,12 +125,13 @@ class ComparisonPlot(ThemedPlot):
         for bound, style in ((-1.0, Qt.PenStyle.DashLine), (0.0, Qt.PenStyle.SolidLine), (1.0, Qt.PenStyle.DashLine)):
             self.addLine(x=bound, pen=theme.pen(c.caution if bound else c.line, style=style))
         count = len(self._results)
-        for k, result in enumerate(self._results):
+        for k, (result, limits) in enumerate(zip(self._results, self.limits, strict=True)):
             colour = QColor(c.text if k == 0 else c.accent)
             offset = _ROW_SHARE * ((k + 0.5) / count - 0.5)
-            names = [(number, name) for number, name in enumerate(self._names) if name in result.parameters]
+            values = result.parameters
+            names = [(number, name) for number, name in enumerate(self._names) if name in limits and name in values]
             y = np.array([number + offset for number, _ in names])
-            rows = [(result.parameters[name], *self.limits[name]) for _, name in names]
+            rows = [(values[name], *limits[name]) for _, name in names]
             x = np.array([(2.0 * p.value - low - high) / (high - low) for p, low, high in rows])
             sigma = np.array([2.0 * p.sigma / (high - low) for p, low, high in rows])
             self.addItem(pg.ErrorBarItem(x=x, y=y, left=sigma, right=sigma, beam=0.0, pen=theme.pen(colour)))

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QAbstractItemView, QFormLayout, QFrame, QWidget
 from calstation.database import is_archived
 from calstation.errors import CalstationError
 from calstation.gui.history.comparison import limits_of
-from calstation.gui.history.run_table import lacks_log, outcome_kind, run_outcome, stages_text
+from calstation.gui.history.run_table import outcome_kind, run_outcome, stages_text
 from calstation.gui.operator import CertificateButton, FiguresTable, LabelButton, advice
 from calstation.gui.state import ReleaseBar
 from calstation.gui.text import (
@@ -19,6 +19,7 @@ from calstation.gui.text import (
     bind,
     duration_text,
     on_language_change,
+    outcome_text,
     parameter_text,
     product_text,
     rendered,
@@ -50,10 +51,10 @@ from calstation.gui.widgets import (
     state_colour,
     theme,
 )
-from calstation.messages import local_time
+from calstation.messages import Text, local_time
 from calstation.physics import display
 from calstation.records import IndexedRun, ResolveRecord, RunRecord, Verdict
-from calstation.results import Result, number_ranges
+from calstation.results import Result, lacks_log, number_ranges
 
 #: Maximum number of runs in the trend.
 MAX_TREND = 30
@@ -183,6 +184,7 @@ class RunDetails(QFrame):
         #: Arguments of the last `show_run`.
         self._shown: tuple[object, ...] | None = None
         self._absent: Sequence[tuple[int, int]] = ()
+        self._doubt: Text | None = None
         self._serial = label()
         self._serial.setFont(theme.font(theme.SECTION, bold=True))
         self.badge = StateBadge(theme.SECTION)
@@ -226,17 +228,20 @@ class RunDetails(QFrame):
         unit_runs: Sequence[IndexedRun],
         actions: Actions,
         absent: Sequence[tuple[int, int]] = (),
+        doubt: Text | None = None,
     ) -> None:
         """Show a run, its result, the solved runs of its unit (the oldest first), and the possible actions.
 
-        `absent` are the ranges of the attempt numbers of the unit of which no run is known.
+        `absent` are the ranges of the attempt numbers of the unit of which no run is known, and `doubt` is why the log
+        does not confirm the result.
         """
-        shown = run, result, tuple(unit_runs), tuple(absent)
+        shown = run, result, tuple(unit_runs), tuple(absent), doubt
         if shown == self._shown:
             self.set_actions(actions)
             return
         self._shown = shown
         self._run, self._result, self._actions, self._absent = run, result, actions, absent
+        self._doubt = doubt
         set_subject(self, run.serial)
         self._release.offer(result, run.result)
         self._offer_documents()
@@ -306,14 +311,17 @@ class RunDetails(QFrame):
         if run is None:
             return
         notes = advice.result_notes(self._result)
-        show_text(self.reason_label, "\n".join(filter(None, (*notes, self._reason(run)))))
+        doubt = "" if run.missing or run.unconfirmed else say(self._doubt or "")
+        reason = "" if doubt and run.altered else self._reason(run)
+        show_text(self.reason_label, "\n".join(filter(None, (doubt, *notes, reason))))
         self._update_buttons(run)
 
     def _reason(self, run: RunRecord) -> str:
         """Return the reason for the outcome of a run, and whether it can be resumed."""
         result = self._result
         if run.missing:
-            return say("history.missing", outcome=term("badge", run.verdict))
+            outcome = outcome_text(run.verdict, partial=run.partial and bool(run.stages))
+            return say("history.missing_partial" if run.partial else "history.missing", outcome=outcome)
         if run.altered:
             altered = "history.altered" if run.log.exists() else "history.altered_without_log"
             code = "history.unconfirmed" if run.unconfirmed else altered
@@ -380,6 +388,8 @@ class RunDetails(QFrame):
         """Return why the result cannot be opened, or ""."""
         if run.missing or run.altered:
             return say("history.files_missing" if run.missing else "history.result_changed")
+        if self._doubt is not None and self._result is None:
+            return say(self._doubt)
         if not (bool(run.stages) if run.origin else self.has_parameters):
             return say("history.no_parameters")
         return say("history.result_only_in_log") if run.result is None and not run.origin else ""
@@ -403,8 +413,9 @@ class RunDetails(QFrame):
         self.close_button.setVisible(actions.resumable or (incomplete and not elsewhere))
         enable(self.result_button, self._why_no_result(run), say("history.show_parameters"))
         enable(self.log_button, self._why_no_log(run), say("history.draw_log"))
+        why_not = say("history.log_gone" if lacks_log(run) else self._doubt or "")
         for document in self._documents:
-            document.refuse(say("history.log_gone") if lacks_log(run) else "")
+            document.refuse(why_not)
         self.folder_button.setVisible(not run.origin)
         self.folder_button.setToolTip(plain_tip(str(run.log.parent)))
         busy = say("history.wait_for_run") if actions.running else ""

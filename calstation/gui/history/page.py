@@ -38,7 +38,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.records import RunFilter, RunRecord, Verdict
-from calstation.results import History, Result, refresh_history
+from calstation.results import History, Result, log_doubt, refresh_history
 from calstation.runs import Resumable, close_incomplete_job, find_resumable
 from calstation.sequencer import Event, Finalized
 
@@ -60,6 +60,7 @@ class HistoryPage(Page):
         self._resumable: frozenset[Path] = frozenset()
         self._index: tuple[Path, History] | None = None
         self._compared: tuple[RunRecord, ...] = ()
+        self._shown_log: Path | None = None  #: Log of the run whose details are shown.
         self._match_count = self._export_count = 0
         #: Mark of the index when its runs were listed; None if they were not.
         self._listed: str | None = None
@@ -217,11 +218,15 @@ class HistoryPage(Page):
 
     def _show_details(self) -> None:
         run = self.table.run
+        shown = None if run is None else run.log
+        if shown != self._shown_log and self.notice.good:  # it is about the run before
+            self.notice.dismiss()
+        self._shown_log = shown
         self.details.setVisible(run is not None)
         if run is not None:
             result, unit_runs = self._result(run), self._history().solved(run.serial, run.product, MAX_TREND)
             absent = self._history().absent_attempts(run.serial)
-            self.details.show_run(run, result, unit_runs, self._actions(), absent)
+            self.details.show_run(run, result, unit_runs, self._actions(), absent, log_doubt(run))
             try:
                 self.details.resolves.show_records(self._history().resolves(run.log), None)
             except InputError as error:
@@ -231,12 +236,16 @@ class HistoryPage(Page):
         """Return the result of a run, from its log if it has no result file; None if missing, unreadable or altered.
 
         The result of a run of another station is available only after it has been opened, and lacks later overrides.
+        If a log contradicts the result file, the run is marked as altered in the index and in the list.
         """
         if run.altered or run.missing:
             return None
         try:
             result = self._history().result(run)
         except InputError:
+            if not run.origin:
+                self._history().read_again(run)
+                self._list_timer.start()  # which does nothing unless the index has changed
             return None
         outdated = run.origin and (result.released, result.closed_utc is not None) != (run.released, run.closed)
         return None if outdated else result

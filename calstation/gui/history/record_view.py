@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QSizePolicy
 
-from calstation.gui.history.run_table import lacks_log
 from calstation.gui.operator import CertificateButton
 from calstation.gui.state import AppContext, EventLog, JobView
 from calstation.gui.text import language, on_language_change, say
@@ -13,7 +12,7 @@ from calstation.gui.widgets import Cell, CellTable, box, button, column, enable,
 from calstation.messages import local_time
 from calstation.records import RunRecord
 from calstation.reports import IssuedCertificate, issued_certificates
-from calstation.results import Result, TimedEvent, load_events
+from calstation.results import Result, TimedEvent, lacks_log, load_events
 
 _CERTIFICATES = (
     Cell("history.certificate_number", "number", number=False, hint="file"),
@@ -29,6 +28,7 @@ class RecordView(JobView):
     def __init__(self, app: AppContext, back: Callable[[], None]) -> None:
         super().__init__(app, "record")
         self._run: RunRecord | None = None
+        self._without_events = False  #: Whether the log has been read, and contains no events.
         self._certificates: Sequence[IssuedCertificate] | None = None  #: None before they have been read.
         self._events_job = self.job(load_events, self._show_events, failure="history.events_not_read")
         self._certificates_job = self.job(
@@ -74,7 +74,7 @@ class RecordView(JobView):
     def open(self, run: RunRecord, result: Result | None) -> None:
         """Show the record of a run and, if it can have certificates, of its result."""
         self.notice.dismiss()
-        self._run, self._certificates = run, None
+        self._run, self._certificates, self._without_events = run, None, False
         self.events.show_events(())
         self.certificate_button.offer(result, run.result)
         if run.log.exists():
@@ -89,6 +89,8 @@ class RecordView(JobView):
 
     def _show_events(self, events: list[TimedEvent]) -> None:
         self.events.show_events(events)
+        self._without_events = not events
+        self._show_texts()
 
     def _show_certificates(self, certificates: list[IssuedCertificate]) -> None:
         self._certificates = certificates
@@ -122,9 +124,11 @@ class RecordView(JobView):
         self._title.setText(f"{run.serial}  ·  {local_time(run.started_utc, zone=True)}")
         there = run.log.exists()
         self.certificate_button.refuse(say("history.log_gone") if lacks_log(run) else "")
-        no_events = "history.no_events" if run.origin else "history.log_missing"
-        show_text(self._no_events, "" if there else say(no_events))
-        self.events.setVisible(there)
+        no_events = "history.log_without_events" if there else "history.log_missing"
+        no_events = "history.no_events" if run.origin and not there else no_events
+        shown = there and not self._without_events
+        show_text(self._no_events, "" if shown else say(no_events))
+        self.events.setVisible(shown)
         certificates = self._certificates or ()
         last = len(certificates) - 1
         cells = {}

@@ -20,6 +20,7 @@ from calstation.gui.text import KINDS, duration_text, on_language_change, outcom
 from calstation.gui.widgets import plain_tip, state_colour, state_icon, theme
 from calstation.messages import local_time
 from calstation.records import LATEST_FIRST, RunOrder, RunRecord
+from calstation.results import lacks_log
 
 
 @dataclass(frozen=True)
@@ -288,11 +289,6 @@ class RunTable(QTableView):
 def stages_text(run: RunRecord) -> str:
     """Return the names of the solved stages, separated by commas."""
     return say("common.comma").join(term("stage", stage) for stage in run.stages)
-
-
-def lacks_log(run: RunRecord) -> bool:
-    """Return whether the log of a run of this folder is missing."""
-    return not run.origin and not run.log.exists()
 
 
 def run_outcome(run: RunRecord) -> str:

@@ -1,8 +1,11 @@
 """The comparison of the offline result with the result of the run, parameter by parameter."""
 
+from contextlib import suppress
+
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QWidget
 
+from calstation.errors import InputError
 from calstation.gui.text import KINDS, on_language_change, outcome_text, say
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
@@ -18,7 +21,8 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.messages import event_text
-from calstation.results import Resolved, Result, online_difference
+from calstation.records import Verdict
+from calstation.results import Resolved, Result, load_run_result, online_difference
 from calstation.results.plots import LogIndex
 
 
@@ -31,6 +35,7 @@ class Comparison(QWidget):
         self._solved: Resolved | None = None
         self._outdated = False
         self._online: Result | None = None
+        self._beside: Result | None = None  #: Result file of a run whose log does not contain its end.
         self._in_sigma: dict[str, float] = {}
         names = ("online_badge", "offline_badge", "difference_badge")
         self.online_badge, self.offline_badge, self.difference_badge = badges = [StateBadge(name=n) for n in names]
@@ -55,7 +60,10 @@ class Comparison(QWidget):
 
     def show_log(self, log_index: LogIndex) -> None:
         """Show the result of the run."""
-        self._log_index, self._solved = log_index, None
+        self._log_index, self._solved, self._beside = log_index, None, None
+        if log_index.outcome is None:
+            with suppress(InputError):  # there is no result file, or it states what the log does not
+                self._beside = load_run_result(log_index.path.with_suffix(".json"))
         self._online = log_index.stored
         self._fill()
 
@@ -113,7 +121,9 @@ class Comparison(QWidget):
             return KINDS.get(self._online.verdict, "none"), outcome_text(
                 self._online.badge, partial=self._online.partial and bool(self._online.stages)
             )
-        log = self._log_index
+        log, beside = self._log_index, self._beside
+        if beside is not None and beside.verdict is not Verdict.INCOMPLETE:
+            return "caution", say("logs.log_cut", outcome=beside.badge)
         if log is not None and log.outcome is None and log.meta.run is not None:
             return "caution", say("logs.run_not_ended")
         return "none", say("logs.no_run_result")
@@ -153,6 +163,8 @@ class Comparison(QWidget):
             notes.append(say("logs.part_of_log", first=first, last=last))
         if self._online is not None and self._online.stages not in ([], result.stages):
             notes.append(say("logs.stages_solved", stages=result.stages))
+        if result.passed and result.unjudged:
+            notes.append(say("advice.not_judged", names=result.unjudged))
         if undetermined := len(result.undetermined):
             notes.append(say("logs.parameters_lost", lost=undetermined, count=len(result.parameters)))
         notes += [say(reason) for reason in solved.missing_data]

@@ -58,6 +58,11 @@ class NoticeBar(QFrame):
         """Whether a question is open."""
         return bool(self._choices) and not self.isHidden()
 
+    @property
+    def good(self) -> bool:
+        """Whether the bar shows that something has succeeded."""
+        return self._kind == "good" and not self.isHidden()
+
     def ask(self, kind: str, title: Words, text: Words, choices: Sequence[Choice] = ()) -> None:
         """Show a notice of one of `badge.KINDS` with its choices from left to right; an empty text is hidden."""
         self.dismiss()
