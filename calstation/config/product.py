@@ -17,6 +17,7 @@ from calstation.physics import (
     CHANGING_GROUPS,
     EFFECT_PARAMETERS,
     EFFECTS,
+    GROUP_BY_NAME,
     INDEX,
     NAMES,
     PAIR_PARAMETERS,
@@ -252,10 +253,9 @@ def unjudged_limits(product: ProductConfig, imu: ImuProfile) -> list[str]:
     determined |= {p.name for p in EFFECT_PARAMETERS if p.group in imu.states}
     if "cross_calibration" in product.stages:
         determined |= {p.name for p in PAIR_PARAMETERS}
-    parameters = (*PARAMETERS, *PAIR_PARAMETERS, *EFFECT_PARAMETERS)
-    own = {p.name for p in parameters if p.name in product.limits}
-    judged_alone = {*product.limits} - {p.group for p in parameters if p.name not in {*own, *determined}}
-    return [name for name in product.limits if name not in (determined if name in own else judged_alone)]
+    left = {name: group for name, group in GROUP_BY_NAME.items() if name not in determined}
+    by_group = {group for name, group in left.items() if name not in product.limits}
+    return [name for name in product.limits if (name in left if name in GROUP_BY_NAME else name in by_group)]
 
 
 def register_conflicts(product: ProductConfig, imu: ImuProfile) -> Iterator[EntryError]:

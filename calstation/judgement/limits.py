@@ -10,11 +10,10 @@ from calstation.estimation.common import Posterior
 from calstation.judgement.check import Check, Where
 from calstation.judgement.over_temperature import check_up_down, fit_over_temperature, worst_estimate
 from calstation.physics import (
-    EFFECT_PARAMETERS,
+    GROUP_BY_NAME,
     INDEX,
     NAMES,
     OBSERVABLE,
-    PAIR_PARAMETERS,
     PARAMETERS,
     display,
     entry_of,
@@ -108,8 +107,7 @@ def not_compared(limits: Mapping[str, Limit], prior: Posterior, solutions: Seque
     known = {p.name for p, sigma in zip(PARAMETERS, prior.sigma, strict=True) if sigma == 0.0}
     compared = {*estimated_stage(solutions), *(name for s in solutions for name in s.estimates)}
     compared -= {*unobservable(prior, solutions)}
-    parameters = (*PARAMETERS, *PAIR_PARAMETERS, *EFFECT_PARAMETERS)
-    limited = [p.name for p in parameters if p.name in limits or p.group in limits]
+    limited = [name for name, group in GROUP_BY_NAME.items() if name in limits or group in limits]
     return [name for name in limited if name not in compared and name not in known]
 
 

@@ -17,6 +17,7 @@ from calstation.physics.effects import CHANGING_GROUPS, EFFECTS, OF_ACCELEROMETE
 from calstation.physics.further_parameters import (
     EFFECT_PARAMETERS,
     EFFECT_STATES,
+    GROUP_BY_NAME,
     PAIR_PARAMETERS,
     EffectName,
     entry_of,

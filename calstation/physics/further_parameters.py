@@ -46,6 +46,12 @@ else:
     #: One of `EFFECT_STATES`.
     EffectName = Literal[EFFECT_STATES]
 
+#: Group of every parameter, of the 30 and the further ones of the second IMU, by name.
+GROUP_BY_NAME: dict[str, str] = {
+    **{p.name: p.group for p in PARAMETERS},
+    **{p.name: p.group for p in (*PAIR_PARAMETERS, *EFFECT_PARAMETERS)},
+}
+
 _NO_DIGITS = str.maketrans("", "", "0123456789")
 _FURTHER = {p.name: p for p in (*PAIR_PARAMETERS, *EFFECT_PARAMETERS)}
 

@@ -153,15 +153,7 @@ def _statements(certificate: Certificate) -> Iterable[etree._Element]:
         _name("conformity"),
         _DCC("norm", _NORM),
         _DCC("reference", "7.8.6"),
-        _texts(
-            "declaration",
-            lambda language: " ".join(
-                (
-                    term("dcc", verdict, language, names=unjudged),
-                    term("certificate", f"rule_{certificate.rule}", language),
-                )
-            ),
-        ),
+        _declaration([Text.of(f"dcc.{verdict}", names=unjudged), Text(f"certificate.rule_{certificate.rule}")]),
         *conformity.get(verdict, []),
         refType="basic_conformity",
     )

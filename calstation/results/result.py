@@ -18,11 +18,9 @@ from calstation.judgement import Check, Conformity, End, StandardComparison, ver
 from calstation.messages import Text, known, os_reason, values_from_json
 from calstation.parsing import read_json
 from calstation.physics import (
-    EFFECT_PARAMETERS,
     EFFECT_STATES,
+    GROUP_BY_NAME,
     NAMES,
-    PAIR_PARAMETERS,
-    PARAMETERS,
     EffectName,
     FloatArray,
     parameter_vector,
@@ -361,10 +359,9 @@ class Result(ResultSection):
         """Parameters with a limit that a run of all stages did not judge; their group if it judged none of it."""
         if self.partial:  # the verdict on a partial run is about its own stages only
             return []
-        parameters = (*PARAMETERS, *PAIR_PARAMETERS, *EFFECT_PARAMETERS)
-        left = {p.name: p.group for p in parameters if p.name in self.not_compared}
-        whole = {p.group for p in parameters} - {p.group for p in parameters if p.name not in left}
-        return list(dict.fromkeys(group if group in whole else name for name, group in left.items()))
+        left = {name: group for name, group in GROUP_BY_NAME.items() if name in self.not_compared}
+        in_part = {group for name, group in GROUP_BY_NAME.items() if name not in left}
+        return list(dict.fromkeys(name if group in in_part else group for name, group in left.items()))
 
     @property
     def cycle_seconds(self) -> dict[str, float]:

@@ -12,7 +12,7 @@ import tomli_w
 from calstation.config.library import KINDS, shipped_folder
 from tests.cli.conftest import Done, six_position_rows, write_log
 from tests.connection.fake_links import FakeImu, FakeTable, server, terminal
-from tests.site_folder import STATION
+from tests.site_folder import PRODUCT, STATION
 
 Run = Callable[..., Done]
 
@@ -93,6 +93,17 @@ def test_a_shipped_file_is_valid_in_any_folder(calstation: Run, tmp_path: Path, 
         done = calstation("check", file, "--json", "-")
         assert done.code == 0, done.out + done.err
         assert done.json["kind"] == path.parent.name
+
+
+def test_limits_that_no_stage_judges_are_warned_about(calstation: Run, tmp_path: Path) -> None:
+    file = tmp_path / "short.toml"
+    file.write_text(tomli_w.dumps({**PRODUCT, "stages": ["six_position"]}), encoding="utf-8")
+    done = calstation("check", file)
+    assert done.code == 0
+    line = file.read_text(encoding="utf-8").splitlines().index("[limits.gyro_bias]") + 1
+    assert f"{file}:{line}: warning: limits.gyro_bias: No stage of the product" in done.out
+    first, *_ = calstation("check", file, "--json", "-").json["warnings"]
+    assert first["line"] == line
 
 
 def test_all_problems_of_a_file_are_shown_with_line_numbers(calstation: Run, tmp_path: Path) -> None:

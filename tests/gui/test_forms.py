@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import tomli_w
 from PySide6.QtCore import QModelIndex, QPoint, Qt
 from PySide6.QtGui import QContextMenuEvent, QGuiApplication
 from PySide6.QtWidgets import QApplication, QComboBox, QFileDialog, QLabel, QLineEdit, QListWidget, QMenu, QPushButton
@@ -15,9 +16,11 @@ from pytestqt.qtbot import QtBot
 from calstation.config import library, versions
 from calstation.gui.settings.form_view import FormTable
 from calstation.gui.state import AppContext
-from calstation.gui.text import language
+from calstation.gui.text import language, say
+from calstation.messages import Language
 from calstation.records import audit_path, read_audit
 from tests.gui.station_driver import PIN, PageDriver, station_page
+from tests.site_folder import PRODUCT
 
 pytestmark = pytest.mark.long
 
@@ -471,3 +474,25 @@ def test_a_form_is_saved_as_csv(forms: FormDriver, tmp_path: Path) -> None:
         rows = list(csv.reader(file))
     assert rows[0][:5] == ["parameter", "Unit", "Lowest", "Highest", "Sigma below"]
     assert rows[1][:5] == ["gyro_bias", "°/h", "-3.09397", "3.09397", "0.0200077"]
+
+
+@pytest.mark.parametrize(("code", "said"), [("en", "determines gyro bias"), ("zh_CN", "都不能确定陀螺零偏")])
+def test_limits_without_a_stage_are_listed_and_changed_stages_need_a_reason(
+    forms: FormDriver, code: Language, said: str
+) -> None:
+    language.use(code)
+    library.site_folder().joinpath("products").mkdir(exist_ok=True)
+    path = library.site_folder() / "products" / "short.toml"
+    path.write_text(tomli_w.dumps(PRODUCT), encoding="utf-8")
+    forms.open("products", "short", say("form.tab_limits"))
+    draft = forms.page.profiles._draft
+    assert draft is not None
+    assert forms.problems() == []
+    draft.set({("stages",): ["six_position"]})
+    assert any(said in problem for problem in forms.problems())
+    assert forms.find(QLineEdit, "change_reason_edit").isVisible()
+    draft.set({("stages",): None})
+    assert not forms.find(QLineEdit, "change_reason_edit").isVisible()
+    draft.set({("confirmation", "required_for"): ["override"]})
+    assert forms.find(QLineEdit, "change_reason_edit").isVisible()
+    language.use("en")

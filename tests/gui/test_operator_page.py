@@ -24,6 +24,8 @@ from PySide6.QtWidgets import (
 from calstation.config import library
 from calstation.gui.shell import create_window
 from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.text import language, say
+from calstation.messages import Language
 from tests.gui.conftest import SERIAL, Operator, ShownWindows, SiteFolder
 from tests.site_folder import ONE_STAGE, PRODUCT, QUICK, STATION
 
@@ -353,3 +355,21 @@ def test_product_file_added_while_the_window_is_open_is_listed(operator: Operato
     assert combo.currentText() == "short (short)"
     assert combo.currentData() == before
     assert str(operator.window.app.product_path) == combo.currentData()
+
+
+@pytest.mark.parametrize(("code", "name"), [("en", "gyro bias"), ("zh_CN", "陀螺零偏")])
+def test_limits_that_no_stage_judges_are_named_before_the_start(operator: Operator, code: Language, name: str) -> None:
+    operator.site_folder.write({"stages": ["six_position"]})
+    operator.window.app.set_station(operator.site_folder.station)
+    language.use(code)
+    message = operator.widget("message_label", QLabel)
+    assert name in message.text()
+    assert message.text() != say("operator.message_idle")
+    operator.window.show_page("engineer_page")
+    operator.until_no_job()
+    assert name in operator.widget("choice_problem_label", QLabel).text()
+    operator.window.show_page("operator_page")
+    operator.site_folder.write(ONE_STAGE)
+    operator.window.app.set_station(operator.site_folder.station)
+    assert name not in message.text()
+    language.use("en")

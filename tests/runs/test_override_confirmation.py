@@ -17,7 +17,7 @@ from calstation.runs import RunStart, prepare
 from calstation.sequencer import Control
 from tests.helpers import raises_code
 from tests.results.test_history import write
-from tests.site_folder import SiteFolder
+from tests.site_folder import ONE_STAGE, SiteFolder
 
 OVERDUE = {"name": "rate table", "kind": "table", "due": date(2020, 1, 2)}
 REASON = "table is at the laboratory"
@@ -134,3 +134,11 @@ def test_no_run_that_writes_registers_starts_on_a_changed_audit_trail(site_folde
         prepared(site_folder, site_folder.request())
     restart_trail(home, "li", "disk repaired", None)
     prepared(site_folder, site_folder.request())
+
+
+def test_start_warns_about_limits_that_no_stage_of_the_product_judges(site_folder: SiteFolder) -> None:
+    site_folder.write({"stages": ["six_position"]})
+    (warning,) = RunStart(site_folder.request(), "engineer").warnings
+    assert (warning.code, warning.values["names"]) == ("run.unjudged_limits", ("gyro_bias", "gyro_scale"))
+    site_folder.write(ONE_STAGE)
+    assert RunStart(site_folder.request(), "engineer").warnings == []
