@@ -26,6 +26,7 @@ from tests.gui.conftest import Operator
 from tests.gui.test_history_lists import choose, combo, compare
 from tests.gui.test_history_page import WAIT, button, listed_runs, rows, select_row, write_run
 from tests.gui.test_quality_page import click_tab
+from tests.gui.test_run_record import press_record
 
 pytestmark = pytest.mark.timeout(120)
 folder, page = base.folder, base.page
@@ -259,7 +260,7 @@ def test_log_without_its_end_is_named_in_the_details_and_in_the_record(
     assert rows(page) == [("SN-000001", say("badge.failed"))]
     assert ("its end is missing" if code == "en" else "缺少结尾") in page.details.reason_label.text()
     assert say("history.outside_limits", limits=say("common.limits")) in page.details.reason_label.text()
-    qtbot.mouseClick(button(page, "history_record_button"), Qt.MouseButton.LeftButton)
+    press_record(page, qtbot)
     label = page.record.findChild(QLabel, "no_events_label")
     qtbot.waitUntil(lambda: label.text() == say("history.log_without_events"), timeout=WAIT)
     assert not page.record.events.isVisible()
