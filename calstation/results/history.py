@@ -28,7 +28,7 @@ from calstation.records import (
 )
 from calstation.results.result import NO_RESULT, SCHEMA, Parameter, Result, load_result
 from calstation.results.stated import load_run_result
-from calstation.results.stored_runs import has_files, is_run, read_run, run_stamps
+from calstation.results.stored_runs import has_files, is_run, lacks_log, read_run, run_stamps
 
 if TYPE_CHECKING:
     from calstation.records import RunIndex
@@ -209,11 +209,13 @@ class History:
     def read_again(self, record: RunRecord) -> None:
         """Read the files of a run of the folder again, of which the log was changed although the result file was not.
 
-        The run keeps what the index states if its log contradicts it, and counts as changed.
+        The run keeps what the index states if its log contradicts it, and counts as changed until the log is restored.
         """
         for earlier in self._index.runs_by_name([record.log.stem]):
-            run = read_run(self._folder, earlier.name, earlier.stamp, earlier)
-            if run is not None and run != earlier:
+            run = read_run(self._folder, earlier.name, earlier.stamp)
+            if run is not None and (run.record.altered or lacks_log(record)):
+                run = read_run(self._folder, earlier.name, earlier.stamp, earlier)
+            if run is not None and run.record.badge != earlier.record.badge:
                 self._index.update([run])
 
     def resolves(self, log: Path) -> list[ResolveRecord]:

@@ -229,6 +229,7 @@ def test_log_of_another_unit_marks_the_run_and_is_named(
     for each in (path, other):
         write_log(each)
     listed_runs(page, qtbot)
+    own = path.with_suffix(".h5").read_bytes()
     path.with_suffix(".h5").write_bytes(other.with_suffix(".h5").read_bytes())
     select_row(page, 1, qtbot)
     listed_runs(page, qtbot)
@@ -245,6 +246,9 @@ def test_log_of_another_unit_marks_the_run_and_is_named(
     history.refresh()
     found = {run.serial: run.badge for run in history.runs()}
     assert found == {"SN-000001": "altered", "SN-000002": "passed"}
+    path.with_suffix(".h5").write_bytes(own)
+    list_again(page, qtbot)
+    assert rows(page)[0] == ("SN-000001", say("badge.passed"))
     language.use("en")
 
 

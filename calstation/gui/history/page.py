@@ -1,6 +1,6 @@
 """The History page: finished and incomplete runs, which can be filtered, compared and exported."""
 
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -238,12 +238,12 @@ class HistoryPage(Page):
         The result of a run of another station is available only after it has been opened, and lacks later overrides.
         If a log contradicts the result file, the run is marked as altered in the index and in the list.
         """
-        if run.altered or run.missing:
-            return None
-        try:
-            result = self._history().result(run)
-        except InputError:
-            if not run.origin:
+        result = None
+        if not (run.altered or run.missing):
+            with suppress(InputError):
+                result = self._history().result(run)
+        if result is None:
+            if not (run.origin or run.missing):
                 self._history().read_again(run)
                 self._list_timer.start()  # which does nothing unless the index has changed
             return None

@@ -1,6 +1,6 @@
 """The comparison of the offline result with the result of the run, parameter by parameter."""
 
-from contextlib import suppress
+from pathlib import Path
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QWidget
@@ -35,7 +35,7 @@ class Comparison(QWidget):
         self._solved: Resolved | None = None
         self._outdated = False
         self._online: Result | None = None
-        self._beside: Result | None = None  #: Result file of a run whose log does not contain its end.
+        self._beside = ""  #: Outcome in the result file of a run whose log does not contain its end; "" if unknown.
         self._in_sigma: dict[str, float] = {}
         names = ("online_badge", "offline_badge", "difference_badge")
         self.online_badge, self.offline_badge, self.difference_badge = badges = [StateBadge(name=n) for n in names]
@@ -60,10 +60,8 @@ class Comparison(QWidget):
 
     def show_log(self, log_index: LogIndex) -> None:
         """Show the result of the run."""
-        self._log_index, self._solved, self._beside = log_index, None, None
-        if log_index.outcome is None:
-            with suppress(InputError):  # there is no result file, or it states what the log does not
-                self._beside = load_run_result(log_index.path.with_suffix(".json"))
+        self._log_index, self._solved = log_index, None
+        self._beside = _outcome_beside(log_index.path) if log_index.outcome is None else ""
         self._online = log_index.stored
         self._fill()
 
@@ -121,9 +119,9 @@ class Comparison(QWidget):
             return KINDS.get(self._online.verdict, "none"), outcome_text(
                 self._online.badge, partial=self._online.partial and bool(self._online.stages)
             )
-        log, beside = self._log_index, self._beside
-        if beside is not None and beside.verdict is not Verdict.INCOMPLETE:
-            return "caution", say("logs.log_cut", outcome=beside.badge)
+        if self._beside:
+            return "caution", say("logs.log_cut", outcome=self._beside)
+        log = self._log_index
         if log is not None and log.outcome is None and log.meta.run is not None:
             return "caution", say("logs.run_not_ended")
         return "none", say("logs.no_run_result")
@@ -169,6 +167,15 @@ class Comparison(QWidget):
             notes.append(say("logs.parameters_lost", lost=undetermined, count=len(result.parameters)))
         notes += [say(reason) for reason in solved.missing_data]
         return notes + [say(event_text(key, values)) for key, values in solved.messages]
+
+
+def _outcome_beside(log: Path) -> str:
+    """Return the outcome in the result file next to a log, or "" if there is none or the run did not reach its end."""
+    try:
+        result = load_run_result(log.with_suffix(".json"))
+    except InputError as error:
+        return "unconfirmed" if error.code == "result.unconfirmed" else ""
+    return "" if result.verdict is Verdict.INCOMPLETE else result.badge
 
 
 def _worst_note(result: Result | None) -> list[str]:
