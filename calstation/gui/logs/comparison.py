@@ -61,7 +61,8 @@ class Comparison(QWidget):
     def show_log(self, log_index: LogIndex) -> None:
         """Show the result of the run."""
         self._log_index, self._solved = log_index, None
-        self._beside = _outcome_beside(log_index.path) if log_index.outcome is None else ""
+        without_end = log_index.stored is None and log_index.outcome is None
+        self._beside = _outcome_beside(log_index.path) if without_end else ""
         self._online = log_index.stored
         self._fill()
 
