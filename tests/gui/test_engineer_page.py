@@ -700,10 +700,57 @@ def test_write_to_another_unit_is_refused_with_a_reason_at_the_button(engineer: 
     ask_to_write(engineer)
     engineer.type("engineer_serial_edit", "SN-000007")
     assert "Write 1 register" not in engineer.says(), "the question was about the unit in the fixture"
-    reason = f"Unit SN-000007 is in the fixture, but the result is for {SERIAL}."
+    reason = f"Result of {SERIAL}, not of the entered unit SN-000007"  # only read from the unit, not from the number
     assert engineer.why_not("write_registers_button") == reason
     assert engineer.widget("write_reason_label", QLabel).isVisible()
     assert engineer.widget("write_reason_label", QLabel).text() == reason
+
+
+@pytest.mark.parametrize(
+    ("code", "reason", "kept"),
+    [
+        ("en", "Read the unit first, so that", "The virtual bench keeps the registers of its units in the folder"),
+        ("zh_CN", "请先读取产品", "虚拟台架把虚拟产品的寄存器保存在标定记录文件夹中。"),
+    ],
+)
+def test_registers_read_at_another_station_are_not_shown(engineer: Engineer, code: str, reason: str, kept: str) -> None:
+    app, registers = engineer.window.app, engineer.page.registers
+    app.set_language(code)
+    engineer.unlock()
+    found = {"gyro_bias_x": {"value": 0.0, "sigma": 1e-8, "unit": "rad/s", "stage": "six_position"}}
+    registers.show_run(finished_run(found))
+    engineer.show_view(5)
+    engineer.until(lambda: registers.target is not None)
+    engineer.press("read_registers_button")
+    engineer.until(lambda: registers.unit is not None)
+    assert kept in engineer.says()
+    other = engineer.site_folder.station.with_name("rig1.toml")
+    other.write_text(engineer.site_folder.station.read_text(encoding="utf-8"), encoding="utf-8")
+    app.set_station(other)
+    assert registers.unit is None
+    assert kept not in engineer.says()
+    engineer.until(lambda: registers.target is not None)
+    assert reason in engineer.why_not("write_registers_button")
+    engineer.press("read_registers_button")
+    app.set_runs_folder(engineer.site_folder.folder / "others")  # while the unit is being read
+    engineer.until_no_job()
+    engineer.until(lambda: not registers.watch.busy)
+    assert registers.unit is None
+
+
+def test_reason_that_prevents_a_write_is_shown_once_and_wraps(engineer: Engineer) -> None:
+    engineer.window.resize(1280, 720)
+    engineer.unlock()
+    engineer.show_view(5)
+    found = {"gyro_bias_x": {"value": 1e-6, "sigma": 1e-8, "unit": "rad/s", "stage": "six_position"}}
+    used = {"imu": {"name": "bench_mems", "version": None, "sha256": ""}}
+    for code in ("en", "zh_CN"):
+        engineer.window.app.set_language(code)
+        engineer.page.registers.show_run(finished_run(found, product="MEMS grade C", configuration=used))
+        engineer.until(lambda: "MEMS grade C" in engineer.says() or "MEMS" in engineer.says())
+        reason = engineer.why_not("write_registers_button")
+        assert engineer.says().count(reason) == 1
+        assert engineer.page.minimumSizeHint().width() <= 1280, code
 
 
 @pytest.mark.parametrize(

@@ -82,19 +82,22 @@ class RegistersView(QWidget):
         #: Why the registers of the result could not be computed, or "".
         self._why_no_target: Words = ""
         self._progress: Words = ""
-        failed, cancelled = self._show_failure, self._refresh
-        self.watch = app.job(self, read_unit, self._show_unit, failed=failed, cancelled=cancelled, cancellable=False)
+        #: Whether the unit that is being read is that of another station, product or folder.
+        self._is_outdated = False
+        end = self._end_reading
+        self.watch = app.job(self, read_unit, end, failed=end, cancelled=self._refresh, cancellable=False)
         self._target_watch = app.job(self, target_registers, self._show_target, failed=self._refuse_target)
         self._lay_out()
         app.engine_link.event.connect(self._follow)
-        app.product_changed.connect(self._product_changed)
+        for changed in (app.station_changed, app.product_changed, app.runs_folder_changed):
+            changed.connect(self._unit_changed)
         on_language_change(self, self._fill)
 
     def _lay_out(self) -> None:
         self._job, self._notice, self._people = JobRow(self.watch), NoticeBar(), PeoplePanel("registers")
         self._empty = EmptyState(title="engineer.registers", text="engineer.about_registers")
         self._badge, self._about = StateBadge(), label(wrap=True)
-        self._reason = label(kind="muted", name="write_reason_label")
+        self._reason = label(kind="muted", name="write_reason_label", wrap=True)
         self._reason.setAlignment(Qt.AlignmentFlag.AlignRight)
         self._read_button = button("read_registers_button", "engineer.read_unit_button", self._read)
         self._write_button = button("write_registers_button", "engineer.write_unit", self._ask)
@@ -141,19 +144,31 @@ class RegistersView(QWidget):
             return say(self._why_no_target or "engineer.no_target")
         if self.unit is None:
             return say("engineer.no_unit")
-        for serial in (self.unit.serial, self._request().serial):
-            if serial not in (self.target.serial, UNNAMED):
-                return say("engineer.other_unit", found=serial, wanted=self.target.serial)
+        wanted, entered = self.target.serial, self._request().serial
+        if self.unit.serial != wanted:
+            return say("engineer.other_unit", found=self.unit.serial, wanted=wanted)
+        if entered not in (wanted, UNNAMED):
+            return say("engineer.result_of_other_unit", shown=wanted, entered=entered)
         return "" if self._changes() else say("engineer.nothing_to_write")
 
     # ---- reading and writing
 
-    def _product_changed(self) -> None:
-        """Compute the target registers again, because they depend on the product's profile."""
-        if self._run is not None and self._operation is None:
+    def _unit_changed(self) -> None:
+        """Forget the unit of the previous station, product or folder, and compute the target registers again.
+
+        The folder contains the registers of virtual units; the target registers depend on the product's profile.
+        """
+        if self._operation is not None:
+            return
+        self._is_outdated = True
+        self.unit, self._verification, self._error = None, "", ""
+        if self._run is not None:
             self.show_run(self._run)
+        else:
+            self._fill()
 
     def _read(self) -> None:
+        self._is_outdated = False
         self.watch.start(self._request(), self._app.runs_folder)
         self._error = ""
         self._notice.dismiss()
@@ -236,6 +251,15 @@ class RegistersView(QWidget):
         if target is None or self.unit is None or self.unit.serial != target.serial:
             self.unit = None
         self._fill()
+
+    def _end_reading(self, outcome: UnitRegisters | CalstationError) -> None:
+        if self._is_outdated:
+            self._refresh()
+            self.changed.emit()
+        elif isinstance(outcome, CalstationError):
+            self._show_failure(outcome)
+        else:
+            self._show_unit(outcome)
 
     def _show_unit(self, unit: UnitRegisters, verification: str = "") -> None:
         self.unit, self._verification = unit, verification
@@ -347,13 +371,14 @@ class RegistersView(QWidget):
         return ", ".join(f"{a}" if a == b else f"{a}–{b}" for a, b in ranges)
 
     def _show_reason(self) -> None:
-        """Show the reason next to a disabled button, because touch screens show no tooltips."""
+        """Show the reason for a disabled button below it, because touch screens show no tooltips; show it only once."""
         self._reason.setText(self._why_not)
-        self._reason.setVisible(bool(self._why_not) and not self.watch.busy and not self._progress)
+        self._reason.setVisible(
+            self._why_not not in ("", self._about.text()) and not self.watch.busy and not self._progress
+        )
 
     def _refresh(self) -> None:
         busy = self.watch.busy
-        self._show_reason()
         self._job.setVisible(busy)
         self._about.setVisible(not busy)
         for widget in (self._read_button, self._write_button):
@@ -364,6 +389,7 @@ class RegistersView(QWidget):
             self._badge.show_state(kind, say(f"engineer.state_{state}", count=len(self._changes())))
         theme.set_kind(self._about, "error" if self._error else "")
         self._about.setText(say(self._error or self._progress or self._sentences))
+        self._show_reason()
 
     def _state(self) -> tuple[str, str]:
         """Return the shape of the badge and the key of its text; both are "" if there is no badge."""
