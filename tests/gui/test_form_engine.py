@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from PySide6.QtCore import Qt
+from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
@@ -14,8 +15,20 @@ import calstation.gui
 from calstation.config import library
 from calstation.gui.logs.methods.panel import BenchBox
 from calstation.gui.quality.study_view import PlanForm
+from calstation.gui.state import AppContext
 from calstation.gui.text import language
-from calstation.gui.widgets import CountEdit, FlagBox, FormField, FormValues, NumberEdit, SpinEdit
+from calstation.gui.widgets import (
+    ChoiceBox,
+    CountEdit,
+    EditableBox,
+    FlagBox,
+    FormField,
+    FormValues,
+    NumberEdit,
+    SpinEdit,
+    box,
+    theme,
+)
 from calstation.messages import Language, Text
 from calstation.physics import DISPLAY
 from calstation.schema import Problem
@@ -142,3 +155,26 @@ def test_window_has_no_spin_box_that_swallows_digits() -> None:
     pattern = re.compile(r"\bQ(?:Double)?SpinBox\(")
     folder = Path(calstation.gui.__file__).parent
     assert [path.name for path in folder.rglob("*.py") if pattern.search(path.read_text("utf-8"))] == []
+
+
+@pytest.mark.parametrize("name", ["light", "dark"])
+def test_red_border_of_a_wrong_input_leaves_its_text_visible(app: AppContext, qtbot: QtBot, name: str) -> None:
+    theme.apply(name)
+    spin = SpinEdit(0.0, 10.0, 1.0, 2)
+    spin.setValue(2.5)
+    editable, choice, edit = EditableBox(("9600", "19200")), ChoiceBox(lambda: [(1, "12.5")]), NumberEdit()
+    editable.show_value(12.5)
+    edit.show_value(12.5)
+    form = box(spin, editable, choice, edit)
+    qtbot.addWidget(form)
+    form.show()
+    inner = [(line, line.width()) for line in (spin.lineEdit(), editable.line)]
+    for each in (spin, editable, choice, edit):
+        theme.set_invalid(each, invalid=True)
+        qtbot.wait(20)
+        image, red = each.grab().toImage(), QColor(theme.colours().bad)
+        assert image.pixelColor(image.width() // 2, 1) == red, type(each)
+        assert image.pixelColor(image.width() - 1, image.height() // 2) == red, type(each)
+    for line, width in inner:
+        assert line.width() == width
+    theme.apply("light")

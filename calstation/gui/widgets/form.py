@@ -133,7 +133,8 @@ class FormField(QWidget):
         show_text(self.message, text)
         if self.message.property("kind") != kind:
             theme.set_kind(self.message, kind)
-        theme.set_invalid(self.editor, invalid=kind == "error")
+        for edit in self.editor.edits if isinstance(self.editor, VectorEdit) else (self.editor,):
+            theme.set_invalid(edit, invalid=kind == "error")
         self.editor.setAccessibleDescription(text)
 
     def problem_text(self, problem: Problem) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from PySide6.QtCore import QLocale, QSignalBlocker, Qt, Signal
-from PySide6.QtGui import QMouseEvent, QShowEvent, QValidator, QWheelEvent
+from PySide6.QtGui import QMouseEvent, QPaintEvent, QShowEvent, QValidator, QWheelEvent
 from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QComboBox, QDoubleSpinBox, QLineEdit, QWidget
 
 from calstation.gui.text import on_language_change, with_minus, without_minus
@@ -247,6 +247,11 @@ class LimitedSpin(QDoubleSpinBox):
         super().showEvent(event)
         self._check_entered()
 
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Paint the input, with a red border around a rejected text."""
+        super().paintEvent(event)
+        theme.paint_invalid_border(self)
+
     def _note_text(self, text: str) -> None:
         corrected, self._entered, self.wrong = bool(self.wrong), text, ""
         if corrected:
@@ -287,6 +292,11 @@ class _Box(QComboBox):
     def wheelEvent(self, event: QWheelEvent) -> None:
         """Pass the event on to the page."""
         event.ignore()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Paint the box, with a red border while its value is wrong."""
+        super().paintEvent(event)
+        theme.paint_invalid_border(self)
 
 
 class ChoiceBox(_Box):
