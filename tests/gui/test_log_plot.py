@@ -114,6 +114,28 @@ def test_dragging_a_box_zooms_and_a_double_click_shows_the_whole_log(page: Offli
     qtbot.waitUntil(lambda: np.allclose(ranges(page), whole))
 
 
+def test_shorter_log_is_selected_whole_after_a_range_of_a_longer_one(
+    page: OfflinePage, log: Path, tmp_path: Path, qtbot: QtBot
+) -> None:
+    path, count = tmp_path / "short.h5", COUNT // 4
+    writer = RawLogWriter(path, LogMeta.model_validate(META))
+    seq, temperature = np.arange(count), np.full(count, 25.5)
+    rest, valid = np.zeros((count, 2)), np.ones(count, np.bool_)
+    step = np.ones(count, np.int64)
+    writer.append(SampleBlock("excitation", seq, (seq + 1) / RATE, np.zeros((count, 6)), rest, step, valid, temperature))
+    writer.close("imported")
+    for first, last in ((count // 2, COUNT - 10), (COUNT - 20, COUNT - 10)):
+        page.range.choose(first, last)
+        page.open(path)
+        qtbot.waitUntil(lambda: page.log is not None and page.log.path == path, timeout=WAIT)
+        assert page.range.range == (0, count - 1)
+        assert page.range.is_whole_log
+        assert page.stages.available == ("excitation",)
+        page.open(log)
+        qtbot.waitUntil(lambda: page.log is not None and page.log.path == log, timeout=WAIT)
+        assert page.range.range == (0, COUNT - 1)
+
+
 def test_middle_mouse_button_pans(page: OfflinePage) -> None:
     page.plot.zoom(True)
     before = page.plot.view
