@@ -3,8 +3,10 @@
 import socket
 import struct
 import sys
+import threading
 import time
 import tomllib
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -259,6 +261,26 @@ def test_unresponsive_table_over_tcp_is_reported() -> None:
 def test_device_without_modbus_is_reported() -> None:
     with server(lambda _: b"HTTP/1.1 400 Bad Request\r\n\r\n") as address:
         assert wrong(table(port=f"tcp://{address}")).id == "not_modbus"
+
+
+def test_device_without_modbus_that_closes_the_connection_is_no_gateway() -> None:
+    """A web server closes the connection after its answer to a request that is not HTTP."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def serve() -> None:
+            with suppress(OSError):
+                while True:
+                    connection, _ = listener.accept()
+                    with connection:
+                        connection.recv(64)
+                        connection.sendall(b"HTTP/1.1 400 Bad Request\r\nConnection: close\r\n\r\n")
+
+        threading.Thread(target=serve, daemon=True).start()
+        finding = wrong(table(port="tcp://{}:{}".format(*listener.getsockname())))
+        listener.shutdown(socket.SHUT_RDWR)
+    assert finding.id == "not_modbus"
+    assert "not in Modbus TCP" in sentence(finding.message)
+    assert "不是 Modbus TCP" in sentence(finding.message, "zh_CN")
 
 
 def test_usual_port_of_modbus_is_not_recommended_where_it_is_set(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -204,7 +204,8 @@ class TcpConnection:
         self.received = self._reply = b""
         self.open = False
         self._sent = b""
-        self._was_closed = False
+        #: Whether a valid reply was received, and whether the connection was closed after one.
+        self._has_replied = self._was_closed = False
         self._port, self._address = port, address
         self._client = ModbusTcpClient(
             address[0], port=address[1], timeout=timeout, retries=0, trace_packet=self._receive
@@ -248,8 +249,9 @@ class TcpConnection:
         except (ModbusException, *LINK_ERRORS) as exc:
             self.close()
             timed_out = isinstance(exc, ModbusIOException)
-            self._was_closed = not timed_out and bool(self.received)
+            self._was_closed = not timed_out and self._has_replied
             raise UnansweredError(Text("modbus.no_answer") if timed_out else link_reason(exc)) from exc
+        self._has_replied = True
         if response.isError():
             raise RefusedError(response.exception_code)
         return response
