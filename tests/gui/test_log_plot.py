@@ -120,9 +120,9 @@ def test_shorter_log_is_selected_whole_after_a_range_of_a_longer_one(
     path, count = tmp_path / "short.h5", COUNT // 4
     writer = RawLogWriter(path, LogMeta.model_validate(META))
     seq, temperature = np.arange(count), np.full(count, 25.5)
-    rest, valid = np.zeros((count, 2)), np.ones(count, np.bool_)
-    step = np.ones(count, np.int64)
-    writer.append(SampleBlock("excitation", seq, (seq + 1) / RATE, np.zeros((count, 6)), rest, step, valid, temperature))
+    rest, step, valid = np.zeros((count, 2)), np.ones(count, np.int64), np.ones(count, np.bool_)
+    counts = np.zeros((count, 6))
+    writer.append(SampleBlock("excitation", seq, (seq + 1) / RATE, counts, rest, step, valid, temperature))
     writer.close("imported")
     for first, last in ((count // 2, COUNT - 10), (COUNT - 20, COUNT - 10)):
         page.range.choose(first, last)

@@ -24,7 +24,7 @@ from calstation.gui.text import check_text, language
 from calstation.gui.widgets import ChecksTable, theme
 from calstation.judgement import Check
 from calstation.records import CheckKind, context_from_meta, export_csv, load_pair, open_log, prior_from_meta
-from calstation.results import PairProgress
+from calstation.results import CorrectedTrace, PairProgress
 from calstation.simulation import record_on_bench
 from procedures import method
 from tests.check_rows import check_row
@@ -222,6 +222,11 @@ def test_out_of_tolerance_secondary_passes_the_check_after_calibration(
     assert view is not None
     assert residuals is not None
     assert [bar.verdict for bar in view.bars.bars] == ["out of tolerance"] * 2 + ["within"] * 2
+    tabs, head = panel.views.tabs, panel.views._head
+    tabs.setCurrentIndex(tabs.count() - 1)
+    assert not head.isVisible(), "the verdict on the recording does not concern the live data"
+    tabs.setCurrentIndex(1)
+    assert head.isVisible()
     assert "Checked by command" in view.schedule_label.text()
     assert "nothing is stored" in panel.findChild(QLabel, "pair_stored_label").text()
     before, after = re.findall(r"[\d.]+", residuals.figures[0].number.text())
@@ -458,6 +463,26 @@ def test_live_watch_uses_the_selected_product(
     language.use("en")
     view.close_watch()
     assert window.app.run.display_state == "not_ready"
+
+
+@pytest.mark.parametrize(
+    ("code", "state"), [("en", "not watching; the last data are shown"), ("zh_CN", "未监测；显示的是最后的数据")]
+)
+def test_nothing_waits_or_is_valid_after_the_end_of_a_watch(
+    window: MainWindow, qtbot: QtBot, code: str, state: str
+) -> None:
+    language.use(code)
+    view = pair_live.PairLiveView(window.app)
+    qtbot.addWidget(view)
+    view.show()
+    schedule = method("cross_calibration").schedule().model_dump()
+    progress, trace = PairProgress(20.0, 60.0, "calibrating", 0.48, ()), CorrectedTrace(None, 0, np.zeros(0), {}, {})
+    view.status = PairStatus(schedule, progress, {}, {}, {}, (), (), frozenset(), trace)
+    view._refresh()
+    assert view.badge.text() == state
+    assert not view.source_label.isVisible()
+    assert view.timeline.progress == replace(progress, duration=20.0)
+    language.use("en")
 
 
 @pytest.mark.parametrize(("code", "words"), [("en", "calibrated over temperature"), ("zh_CN", "在温度范围内标定")])

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import h5py
+import numpy as np
 import pyqtgraph as pg
 import pytest
 from PySide6.QtCore import QEvent, QMimeData, QPoint, QPointF, Qt, QUrl
@@ -185,6 +186,29 @@ def test_empty_page_explains_what_to_do(page: OfflinePage) -> None:
     solve_button = button(page, "solve_button")
     assert not solve_button.isEnabled()
     assert solve_button.toolTip() == "Open a log first"
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        ("en", "This log contains no stage of a calibration. “Multi-position” above solves rests"),
+        ("zh_CN", "此记录不含任何标定阶段。上方的“"),
+    ],
+)
+def test_log_without_stages_says_what_solves_it(
+    window: MainWindow, page: OfflinePage, tmp_path: Path, qtbot: QtBot, code: str, words: str
+) -> None:
+    window.app.set_language(code)
+    path, count = tmp_path / "log.h5", 1000
+    imu = {**SIMULATED["imu"], "sample_rate_hz": 100, "gyro_lsb": 1e-6, "accel_lsb": 1e-6}
+    writer = RawLogWriter(path, LogMeta.model_validate({**SIMULATED, "imu": imu}))
+    seq, zeros, valid = np.arange(count), np.zeros((count, 6)), np.ones(count, np.bool_)
+    writer.append(SampleBlock("", seq, seq / 100, zeros, zeros[:, :2], seq * 0, valid, np.full(count, 20.0)))
+    writer.close("imported")
+    opened(page, path, qtbot)
+    why_not = page.findChild(QLabel, "why_not_solve_label")
+    assert why_not.isVisible()
+    assert words in why_not.text() == button(page, "solve_button").toolTip()
 
 
 def test_same_log_gives_a_bit_identical_result(page: OfflinePage, run_log: Path, qtbot: QtBot) -> None:

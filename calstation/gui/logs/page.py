@@ -14,7 +14,7 @@ from calstation.gui.logs.comparison import Comparison
 from calstation.gui.logs.import_panel import ImportPanel
 from calstation.gui.logs.log_head import LogHead
 from calstation.gui.logs.log_plot import LogPlot
-from calstation.gui.logs.methods import CROSS_CALIBRATION, MethodBar, MethodPanel
+from calstation.gui.logs.methods import CROSS_CALIBRATION, MULTI_POSITION, MethodBar, MethodPanel
 from calstation.gui.logs.plot_items import SampleRequest, time_text
 from calstation.gui.logs.range_bar import RangeBar, StageChoice
 from calstation.gui.logs.source_bar import MAX_RECENT, Exports, SourceBar
@@ -32,6 +32,7 @@ from calstation.gui.widgets import (
     label,
     row,
     set_subject,
+    show_text,
     split,
     stack,
     theme,
@@ -163,10 +164,13 @@ class OfflinePage(Page):
         self.log_button = button("export_log_button", pressed=self._export_log)
         self.allan_button = button("allan_button", "logs.allan_deviation", self._show_allan)
         self.allan = AllanView(self)
+        self._why_not = label(kind="muted", name="why_not_solve_label", wrap=True)
         left = box(self.head, (self.plot, 1), self._pointer, self.range, margins=(0, 0, theme.GRID, 0))
         self.missing = MissingEffect(self.solver, "offline_add_state_button")
         exports = row(self.result_button, self.log_button, None, self.allan_button)
-        right = box(self.stages, jobs, (self.comparison, 1), self.missing, exports, margins=(theme.GRID, 0, 0, 0))
+        right = box(
+            self.stages, jobs, self._why_not, (self.comparison, 1), self.missing, exports, margins=(theme.GRID, 0, 0, 0)
+        )
         self._right = stack(right, self.allan)
         return split((left, 10), (self._right, 10))
 
@@ -357,6 +361,8 @@ class OfflinePage(Page):
             return say("window.busy_job")
         if self.range.problem:
             return self.range.problem
+        if not self.log.spans:
+            return say("logs.log_without_stages", method=MULTI_POSITION)
         if not self.stages.available:
             return say("logs.range_empty")
         return "" if self.stages.selected else say("logs.tick_stage")
@@ -368,7 +374,9 @@ class OfflinePage(Page):
         wait = say("window.busy_job") if self._working else ""
         for widget in (self.range, self.stages):
             enable(widget, wait)
-        enable(self.solve_button, self._why_not_solve())
+        why_not_solve = self._why_not_solve()
+        enable(self.solve_button, why_not_solve)
+        show_text(self._why_not, "" if busy or self.range.problem else why_not_solve)  # the range shows its problem
         why_not = wait or (say("logs.open_log_first") if self.log is None else self.range.problem)
         enable(self.allan_button, why_not, say("logs.allan_tip"))
         part = self.log is not None and not self.range.is_whole_log

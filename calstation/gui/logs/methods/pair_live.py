@@ -1,5 +1,7 @@
 """The live monitoring of the IMUs of a station on one body."""
 
+from dataclasses import replace
+
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QWidget
 
@@ -121,8 +123,10 @@ class PairLiveView(QWidget):
             return
         self.schedule_label.setText(schedule_text(status.schedule))
         self.bars.show_bars(self._bars(status))
-        self.timeline.show_progress(status.progress)
+        progress = status.progress  # after the watch, the timeline ends, and nothing waits or is valid
+        self.timeline.show_progress(progress if self.watching else replace(progress, duration=progress.time))
         self._show_corrected(status.corrected)
+        self.source_label.setVisible(self.watching)
         self._clocks.setText("\n".join(self._clock_text(status, number) for number in status.alignments))
         self._stored.setText("\n".join(map(stored_text, status.stored)))
 
@@ -166,7 +170,7 @@ class PairLiveView(QWidget):
     def _state(self) -> tuple[str, Text]:
         """Return the symbol and the text of the state."""
         if not self.watching:
-            return "none", Text("logs.not_watching")
+            return "none", Text("logs.not_watching" if self.status is None else "logs.watch_ended")
         status = self.status
         if status is None:
             return "waiting", Text("logs.opening_ports")

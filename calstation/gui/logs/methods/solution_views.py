@@ -53,6 +53,7 @@ class SolutionViews(QWidget):
         self._add("logs.checks", self.checks)
         self._add("common.live", self.live and scroll_area(self.live))
         self.tabs.currentChanged.connect(self._stack.setCurrentIndex)
+        self.tabs.currentChanged.connect(self._show_head)
         top = row(self.tabs, None, export_button, spacing=2 * theme.GRID)
         column(top, self._head, (self._stack, 1), on=self)
         on_language_change(self, self._refresh)
@@ -61,7 +62,7 @@ class SolutionViews(QWidget):
         """Show only the guidance."""
         self._solved = False
         self.tabs.setCurrentIndex(0)
-        self._head.hide()
+        self._show_head()
         self._refresh()
 
     def show_live(self) -> None:
@@ -86,9 +87,14 @@ class SolutionViews(QWidget):
         self.table.show_data(solution)
         self.checks.show_checks(solution.resolved.result.checks)
         self._head.show_data(solution)
-        self._head.show()
         self._refresh()
         self.tabs.setCurrentIndex(1)
+        self._show_head()
+
+    def _show_head(self) -> None:
+        """Show the verdict on the recording, but not above the live view, which shows other data."""
+        live = self.live is not None and self.tabs.currentIndex() == self.tabs.count() - 1
+        self._head.setVisible(self._solved and not live)
 
     def _add(self, title: Words, view: QWidget | None) -> None:
         if view is not None:
