@@ -75,6 +75,11 @@ def incomplete(report: ProgressCallback, request: DesignRequest) -> Design:
     return replace(design(), undetermined=("gyro_bias_z",))
 
 
+def random_moves(report: ProgressCallback, request: DesignRequest) -> Design:
+    """End with random moves, which reach the limits before the search has found another schedule."""
+    return replace(design(), front=(), searched=False)
+
+
 def searching(report: ProgressCallback, request: DesignRequest) -> Design:
     """Report a schedule and continue until the stop file exists."""
     assert request.stop is not None

@@ -135,6 +135,30 @@ def test_design_that_leaves_a_parameter_undetermined_is_not_called_sufficient(
     assert names in designer.headline
 
 
+@pytest.mark.parametrize(
+    ("code", "found", "largest"),
+    [
+        (
+            "en",
+            "no other schedule found: search longer",
+            "Largest σ: accel bias y, 0.78 of its limit.",
+        ),
+        ("zh_CN", "未找到其他流程：请延长搜索", "标准差最大的是加表零偏 y，为限差的 0.78 倍。"),
+    ],
+)
+def test_random_moves_are_not_called_limited_and_their_plot_says_that_nothing_else_was_found(
+    designer: Designer, monkeypatch: pytest.MonkeyPatch, code: str, found: str, largest: str
+) -> None:
+    use(monkeypatch, "random_moves")
+    designer.window.app.set_language(code)
+    designer.design()
+    assert largest in designer.headline
+    (front,) = designer.page.findChildren(FrontPlot)
+    note = front._note.toPlainText()
+    assert found in note
+    assert "●" not in note
+
+
 def test_sphere_shows_the_direction_of_gravity_and_can_be_rotated(designer: Designer, tmp_path: Path) -> None:
     designer.design()
     designer.show_answer(1)

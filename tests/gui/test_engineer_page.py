@@ -32,7 +32,7 @@ from calstation.gui.engineer import EngineerPage
 from calstation.gui.engineer.observability_view import HeatMap
 from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.result_view import ResultView
-from calstation.gui.state import AppContext, ReleaseBar
+from calstation.gui.state import AppContext, ReleaseBar, UnitStatus
 from calstation.gui.text import language, say
 from calstation.gui.widgets import CellTable, ComparisonTable, JobWatch, ParameterSet, StateBadge
 from calstation.jobs import Job
@@ -777,6 +777,45 @@ def test_result_of_another_unit_is_marked_until_that_unit_is_scanned(engineer: E
     assert not badge.isVisible()
     assert engineer.page.analysis.serial == ""
     assert not engineer.run.in_progress
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        ("en", f"Not the result of the last run of {SERIAL}, which the strip above shows"),
+        ("zh_CN", f"不是上方所示 {SERIAL} 最近一次标定的结果"),
+    ],
+)
+def test_result_of_an_earlier_run_is_not_taken_for_that_of_the_run_shown_above(
+    engineer: Engineer, code: str, said: str
+) -> None:
+    engineer.window.app.set_language(code)
+    engineer.window.resize(1280, 720)
+    page, run = engineer.page, engineer.run
+    run.units = (UnitStatus(SERIAL),)
+    run.state = "stopped"
+    page.analysis._loaded(finished_run({}, log={"file": "first.h5"}, started_utc="2026-11-21T15:04:00+00:00"))
+    for log, earlier in (("first.h5", False), ("second.h5", True)):
+        page._last_log = log
+        page._update()
+        assert engineer.widget("other_unit_badge", StateBadge).isVisible() == earlier
+    assert engineer.widget("other_unit_badge", StateBadge).text() == said
+    assert page._source.isVisible()
+    assert page._source.shortened() == page.analysis.source()
+    assert "2026-11-21" in page._source.text()
+
+
+@pytest.mark.parametrize(
+    ("code", "names"), [("en", "Correct the marked values first: Rest."), ("zh_CN", "请先改正标出的数值：")]
+)
+def test_wrong_value_out_of_sight_is_named(engineer: Engineer, code: str, names: str) -> None:
+    engineer.window.app.set_language(code)
+    engineer.unlock()
+    engineer.tick("stage_check_six_position")
+    engineer.widget("stage_check_six_position", QCheckBox).setFocus()
+    engineer.type("schedule_six_position_dwell_s", "-5")
+    assert engineer.why_not("save_product_button").startswith(names.split(", ")[0])
+    assert engineer.widget("save_reason_label", QLabel).text() == engineer.why_not("save_product_button")
 
 
 def test_registers_that_a_partial_run_writes_are_announced_beside_start(engineer: Engineer) -> None:

@@ -5,7 +5,6 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QWidget
 
 from calstation.config import RunRequest, ScheduleOptions, Version, save_schedule, schedule_options
@@ -29,6 +28,7 @@ from calstation.gui.widgets import (
     column,
     enable,
     row,
+    show_text,
     stack,
     theme,
 )
@@ -50,6 +50,8 @@ class EngineerPage(Page):
         self._suggested = ""
         #: Error in the station or product files that prevents a run.
         self._problem: CalstationError | None = None
+        #: Name of the log of the last run, or "".
+        self._last_log = ""
         #: Code of the reason why nothing may start, and why the station and the product are not usable for a run.
         self._obstacles: tuple[str, Text | None] = ("", None)
         self.header = self._header = EngineerHeader(app.run)
@@ -99,12 +101,11 @@ class EngineerPage(Page):
         self._tabs.setTabVisible(self._views.indexOf(analysis.over_temperature), False)
         self._tabs.setTabVisible(self._views.indexOf(self._live), False)
         self._source = ElidedLabel("muted")
-        self._source.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self._other_unit = StateBadge(name="other_unit_badge", wrap=True)
         open_button = button("open_result_button", "common.open", self._ask_file, tip="engineer.open_tip")
         self.choice.setFixedWidth(_PANEL_WIDTH)
-        tabs = row(self._tabs, (self._source, 1), open_button)
-        right = column(tabs, self._other_unit, self.notice, self._start_dialog.people, (self._views, 1))
+        tabs = row((self._tabs, 1), open_button)
+        right = column(tabs, self._source, self._other_unit, self.notice, self._start_dialog.people, (self._views, 1))
         wide = 2 * theme.GRID
         row(self.choice, (right, 1), on=self, spacing=wide, margins=(wide, 0, wide, theme.GRID))
 
@@ -322,6 +323,7 @@ class EngineerPage(Page):
             return
         self.analysis.follow(event)
         if isinstance(event, Finalized):
+            self._last_log = Path(event.log).name
             self.analysis.open(Path(event.result_file))
 
     # ---- finished run
@@ -345,7 +347,7 @@ class EngineerPage(Page):
 
     def _update(self) -> None:
         """Enable the possible actions, and explain in the tooltips why the others are not possible."""
-        self._source.setText(self.analysis.source())
+        show_text(self._source, self.analysis.source())
         self._show_next()
         self._show_other_unit()
         options, role = self._options, ""
@@ -400,7 +402,7 @@ class EngineerPage(Page):
         )
 
     def _show_other_unit(self) -> None:
-        """Say if the displayed result is not of the entered serial number, or not of the chosen product."""
+        """Say if the displayed result is not of the entered serial number, the chosen product or the last run."""
         shown, entered = self.analysis.serial, self._header.serial
         differs = bool(shown and entered) and shown != entered and self._why_no_serial() is None
         texts = [say("engineer.result_of_other_unit", shown=shown, entered=entered)] if differs else []
@@ -408,6 +410,9 @@ class EngineerPage(Page):
         if product and chosen and product != chosen:
             names = {"shown": product_text(product), "chosen": product_text(chosen)}
             texts.append(say("engineer.result_of_other_product", **names))
+        run = self.app.run
+        if run.ended and shown in run.serials and self.analysis.log_name != self._last_log:
+            texts.append(say("engineer.result_of_other_run", shown=shown))
         self._other_unit.setVisible(bool(texts) and self._views.currentWidget() not in (self.preview, self.design))
         self._other_unit.show_state("caution", "  ·  ".join(texts))
 
@@ -433,5 +438,5 @@ class EngineerPage(Page):
         if not self.choice.selector.current or self._why_no_options():
             return ""
         if not self.choice.form.valid:
-            return say("engineer.wrong_values")
+            return say("engineer.wrong_values", names=self.choice.form.wrong)
         return "" if self.choice.form.deviations else say("engineer.values_of_product")

@@ -137,6 +137,11 @@ class ResultAnalysis(QObject):
         """Name of the product of the displayed run, or ""."""
         return "" if self._run is None else self._run.result.product or ""
 
+    @property
+    def log_name(self) -> str:
+        """Name of the log of the displayed run, or ""."""
+        return "" if self._run is None else Path(self._run.result.log.file).name
+
     def close(self) -> None:
         """Close the displayed run."""
         self.loading.cancel()

@@ -82,6 +82,12 @@ class ScheduleForm(QWidget):
         """Whether the entered schedule is valid."""
         return not self._source.problems
 
+    @property
+    def wrong(self) -> tuple[str, ...]:
+        """The displayed names of the fields with invalid values, which may be out of sight."""
+        names = dict.fromkeys(str(problem.key_path[0]) for problem in self._source.problems if problem.key_path)
+        return tuple(map(schedule_text, names))
+
     def reset(self) -> None:
         """Restore the values in the product."""
         self._source.reset()

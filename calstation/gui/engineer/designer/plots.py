@@ -87,13 +87,10 @@ class FrontPlot(ThemedPlot):
         self.addItem(line)
         self.addItem(pg.InfiniteLine(np.log10(design.margin), 0, pen=dashed(c.bad)))
         self.addItem(mark)
-        self._note.say(
-            [
-                (say("engineer.found_in_search"), c.accent),
-                (say("engineer.chosen_design"), c.good),
-                (say("engineer.margin_line", margin=design.margin), c.bad),
-            ]
-        )
+        margin = say("engineer.margin_line", margin=design.margin)
+        note = [(say("engineer.chosen_design"), c.good), (margin, c.bad)]
+        found = "engineer.found_in_search" if better else "engineer.nothing_else_found"
+        self._note.say([(say(found), c.accent if better else c.text), *note])
 
 
 @dataclass(frozen=True)

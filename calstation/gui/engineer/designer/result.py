@@ -184,7 +184,9 @@ def _headline(design: Design) -> str:
     if design.present is not None:
         times = design.present / design.duration
         first += " " + say("engineer.design_present", present=duration_text(design.present), times=times)
-    limiting = say("engineer.design_limiting", parameter=design.limiting, worst=design.worst)
+    worst = {"parameter": design.limiting, "worst": design.worst, "margin": design.margin}
+    too_long = not design.searched and design.worst < design.margin
+    limiting = say("engineer.design_limiting_random" if too_long else "engineer.design_limiting", **worst)
     if design.undetermined:
         limiting = f"{say('engineer.undetermined', names=design.undetermined)}\n{limiting}"
     hidden = max((limit for limit in design.hidden if np.isfinite(limit.size)), key=lambda h: h.move, default=None)
