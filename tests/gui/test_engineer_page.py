@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QEvent, QPointF, Qt
+from PySide6.QtCore import QEvent, QPoint, QPointF, Qt
 from PySide6.QtGui import QGuiApplication, QHelpEvent
 from PySide6.QtWidgets import (
     QApplication,
@@ -816,6 +816,15 @@ def test_wrong_value_out_of_sight_is_named(engineer: Engineer, code: str, names:
     engineer.type("schedule_six_position_dwell_s", "-5")
     assert engineer.why_not("save_product_button").startswith(names.split(", ")[0])
     assert engineer.widget("save_reason_label", QLabel).text() == engineer.why_not("save_product_button")
+
+
+def test_rows_of_stages_stay_aligned_after_a_selection(engineer: Engineer) -> None:
+    engineer.unlock()
+    checks = [engineer.widget(f"stage_check_{stage}", QCheckBox) for stage in STAGES]
+    for check in checks:
+        check.setFocus()
+        engineer.qtbot.wait(10)
+        assert len({each.mapTo(engineer.page, QPoint()).x() for each in checks}) == 1
 
 
 def test_registers_that_a_partial_run_writes_are_announced_beside_start(engineer: Engineer) -> None:

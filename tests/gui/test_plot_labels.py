@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pyqtgraph as pg
 import pytest
-from PySide6.QtGui import QFontMetrics, QGuiApplication, QImage, QPainter
+from PySide6.QtGui import QColor, QFontMetrics, QGuiApplication, QImage, QPainter
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
@@ -15,7 +15,7 @@ from calstation.gui.engineer.diagnostics_views import ResidualsView
 from calstation.gui.quality.study_plots import StudyCharts, StudyValues
 from calstation.gui.text import language
 from calstation.gui.widgets import ThemedPlot, theme
-from calstation.gui.widgets.plot import NumberAxis
+from calstation.gui.widgets.plot import LineLabel, LineLabels, NumberAxis
 from calstation.results import Diagnostics
 
 
@@ -113,3 +113,15 @@ def test_plots_of_residuals_have_space_for_their_labels_on_a_small_screen(
 def test_numbers_of_a_short_horizontal_axis_do_not_touch(qapp: QApplication, width: float) -> None:
     (spacing, _), *_ = NumberAxis("bottom").tickValues(0.0, 0.1, width)
     assert spacing * width / 0.1 >= QFontMetrics(theme.font()).horizontalAdvance("0.02") + 4.0
+
+
+def test_leader_lines_do_not_look_like_curves(qtbot: QtBot) -> None:
+    theme.apply("light")
+    labels, colours = LineLabels(80), [QColor("#ff0000"), QColor("#0000ff")]
+    qtbot.addWidget(labels)
+    labels.resize(80, 100)
+    labels.show_labels([LineLabel(50.0, "x", colours[0]), LineLabel(51.0, "y", colours[1])])
+    image = labels.grab().toImage()
+    drawn = {image.pixelColor(x, y).name() for x in range(10) for y in range(image.height())}
+    assert len(drawn) > 1, "there are leader lines"
+    assert not {"#ff0000", "#0000ff"} & drawn

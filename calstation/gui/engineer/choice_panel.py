@@ -215,7 +215,7 @@ class StageSelector(QWidget):
         """Make the row of a stage the current one."""
         self.current = stage
         for stage_row in self._rows:
-            theme.set_kind(stage_row, "current" if stage_row.stage == stage else "")
+            theme.set_kind(stage_row, "current" if stage_row.stage == stage else "row")
         self.current_changed.emit(stage)
 
     def lock(self, reason: str) -> None:

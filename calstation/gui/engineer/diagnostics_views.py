@@ -51,7 +51,7 @@ class InnovationsView(StackedPlots[Diagnostics]):
         self._stage_combo = StageCombo("innovation_stage_combo")
         self._stage_combo.currentIndexChanged.connect(self.refresh)
         caption = label("engineer.stage", buddy=self._stage_combo)
-        self._outlier_label = label()
+        self._outlier_label = label(wrap=True)
         self._nis = CellTable("nis_table", columns=_NIS_COLUMNS, named=False)
         column(
             row(caption, self._stage_combo, 2 * theme.GRID, (self._outlier_label, 1)),

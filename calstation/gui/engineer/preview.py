@@ -49,7 +49,7 @@ class PreviewView(QWidget):
         self._job = JobRow(self.watch)
         self.button = button("preview_button", "engineer.preview", self._start)
         self._badge = StateBadge()
-        self._summary = label(name="preview_summary")
+        self._summary = label(name="preview_summary", wrap=True)
         self._problems = label(kind="error", name="preview_violations", wrap=True)
         self._problems.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self._ends = label(kind="muted", name="preview_ends", wrap=True)

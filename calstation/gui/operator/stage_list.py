@@ -41,7 +41,7 @@ class _Row(QFrame):
 
     def __init__(self) -> None:
         super().__init__()
-        self.setProperty("kind", "")
+        self.setProperty("kind", "row")
         self._icon, self._bar = StateIcon(18), progress_bar(3)
         self._name, self._state, self._time = PlainLabel(), PlainLabel(), label(kind="muted")
         self._name.setFont(theme.font(theme.SECTION))  # before it is first polished, or Qt would reset the font
@@ -53,8 +53,9 @@ class _Row(QFrame):
     def show_stage(self, kind: str, name: str, state: str, time: str, fraction: float) -> None:
         """Show the badge shape, name, state, time and completed fraction of a stage."""
         active = kind == "active"
-        if self.property("kind") != ("current" if active else ""):
-            theme.set_kind(self, "current" if active else "")
+        kind_of_row = "current" if active else "row"
+        if self.property("kind") != kind_of_row:
+            theme.set_kind(self, kind_of_row)
         self._icon.set_kind(kind)
         for widget, text in ((self._name, name), (self._state, state), (self._time, time)):
             show_text(widget, text)

@@ -274,7 +274,7 @@ class TestPanel(QFrame):
         works = {"table": check_table_link, "chamber": check_chamber_link, "imu": check_imu_link}
         self.watch = app.job(self, works[device], self._done, failed=self._failed, cancelled=self._show_running)
         self.watch.progress.connect(self._show_note)
-        self._progress, self._note = JobRow(self.watch), label(kind="muted")
+        self._progress, self._note = JobRow(self.watch), label(kind="muted", wrap=True)
         self.badge = StateBadge(theme.SECTION, f"{device}_test_badge")
         self.reset = ResetBar(app, self._request, f"{device}_reset_button")
         self.reset.changed.connect(self.refresh)

@@ -179,7 +179,7 @@ class ProfilesSection(QWidget):
             "settings.new_from_copy",
             lambda: self._new.ask(self.kind_box.value(), self.file_box.currentText()),
         )
-        self._about = label(kind="muted")
+        self._about = label(kind="muted", wrap=True)
 
     def _make_versions(self) -> QWidget:
         """Create the list of versions, which can be compared with the current text or restored."""

@@ -450,7 +450,7 @@ class LineLabels(QWidget):
         half = line / 2
         positions = spread([label.y for label in self._labels], line, half, self.height() - half)
         for label, y in zip(self._labels, positions, strict=True):
-            painter.setPen(QPen(label.colour, 1))
+            painter.setPen(QPen(QColor(theme.colours().line), 1, Qt.PenStyle.DotLine))  # unlike the curves
             painter.drawLine(QPointF(0, label.y), QPointF(_LEADER_WIDTH - 6, y))
             left = float(_LEADER_WIDTH)
             if label.state:
