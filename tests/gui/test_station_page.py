@@ -18,6 +18,7 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QListWidget,
     QPushButton,
+    QScrollArea,
     QWidget,
 )
 from pytestqt.qtbot import QtBot
@@ -844,3 +845,21 @@ def test_personal_pin_of_an_engineer_requires_the_site_pin(page_driver: PageDriv
     assert role.check("333333", "B0003")
     assert role.check(PIN)
     assert old.placeholderText() == ""
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_no_section_is_wider_than_its_area_and_no_vector_is_shown_as_a_tuple(window: MainWindow, code: str) -> None:
+    window.app.set_language(code)
+    window.resize(1280, 720)
+    window.show_page("station_page")
+    page = window.findChild(StationPage)
+    assert page is not None
+    for number in range(page.nav.count()):
+        page.nav.setCurrentRow(number)
+        QApplication.processEvents()
+        for area in page.findChildren(QScrollArea):
+            if area.isVisible() and area.widget() in page._sections:
+                assert area.widget().width() <= area.viewport().width(), page.nav.item(number).text()
+        for edit in page.findChildren(QLineEdit):
+            assert not edit.text().startswith("("), edit.objectName()
+    language.use("en")

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QGridLayout
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import Field, Section
 from calstation.gui.text import say, with_minus
-from calstation.gui.widgets import ThemedPlot, column, label, row, theme
+from calstation.gui.widgets import ThemedPlot, VectorEdit, column, label, row, theme
 
 _JOINTS = ("outer", "inner")
 _LIMITS = ("low_deg", "high_deg", "max_rate_dps", "max_acceleration_dps2")
@@ -37,12 +37,13 @@ class TableSection(Section):
         self._travel = TravelPlot()
         axes = [Field(draft, (name,)) for name in ("outer_axis", "inner_axis")]
         axes[0].key_paths += ((),)  # a problem of both axes has the key path of the whole file
-        accuracy = [Field(draft, ("accuracy", name), width=_NARROW_WIDTH) for name in _ACCURACY]
+        editors = {"axis_offset_mm": VectorEdit("12")}
+        accuracy = [Field(draft, ("accuracy", name), editors.get(name), width=_NARROW_WIDTH) for name in _ACCURACY]
         left = column(label("settings.table", "section"), self._file, self._make_joints(), self._travel, *axes, None)
         right = column(
             label("settings.accuracy", "section"),
             *accuracy,
-            Field(draft, ("outer_lever",), width=26 * theme.GRID),
+            Field(draft, ("outer_lever",), width=22 * theme.GRID),
             None,
         )
         row((left, 1), (right, 1), on=self, spacing=3 * theme.GRID)

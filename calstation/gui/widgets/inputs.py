@@ -157,16 +157,16 @@ class CountEdit(NumberEdit):
 
 
 class VectorEdit(QWidget):
-    """Three number inputs; the value is a list."""
+    """Number inputs for the components of a vector with these accessible names; the value is a list."""
 
     typed = Signal()
 
-    def __init__(self) -> None:
+    def __init__(self, components: Sequence[str] = "xyz") -> None:
         super().__init__()
-        self.edits = [NumberEdit() for _ in range(3)]
+        self.edits = [NumberEdit() for _ in components]
         row(*((edit, 1) for edit in self.edits), on=self, spacing=theme.GRID // 2)
-        for axis, edit in zip("xyz", self.edits, strict=True):
-            edit.setAccessibleName(axis)
+        for component, edit in zip(components, self.edits, strict=True):
+            edit.setAccessibleName(component)
             edit.typed.connect(self.typed)
         self.setFocusProxy(self.edits[0])
 
@@ -175,8 +175,9 @@ class VectorEdit(QWidget):
         return [typed_number(edit.text()) if edit.text().strip() else "" for edit in self.edits]
 
     def show_value(self, value: Any) -> None:
-        """Show a list of three numbers."""
-        parts: Sequence[Any] = value if isinstance(value, list) and len(value) == 3 else ("", "", "")
+        """Show a list or tuple of as many numbers."""
+        is_vector = isinstance(value, list | tuple) and len(value) == len(self.edits)
+        parts: Sequence[Any] = value if is_vector else [""] * len(self.edits)
         for edit, part in zip(self.edits, parts, strict=True):
             edit.show_value(part)
 
