@@ -282,7 +282,7 @@ def test_result_of_another_selection_is_outdated_and_not_exported(
         change()
         assert "the range or the stages have changed" in page.comparison.offline_badge.text()
         assert not page.comparison.difference_badge.isVisible()
-        assert set(cells(page, "offline, outdated")) == set(cells(page, "unit"))
+        assert set(cells(page, "outdated")) == set(cells(page, "unit"))
         assert not export.isEnabled()
         assert "solve again first" in export.toolTip()
         undo()

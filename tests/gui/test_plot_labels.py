@@ -1,6 +1,6 @@
 """Labels of axes are centred on their axes and do not cover the ticks, names do not overlap; lines have captions."""
 
-from itertools import pairwise, product
+from itertools import combinations, pairwise, product
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,7 +14,7 @@ from pytestqt.qtbot import QtBot
 from calstation.gui.engineer.diagnostics_views import ResidualsView
 from calstation.gui.quality.study_plots import StudyCharts, StudyValues
 from calstation.gui.text import language
-from calstation.gui.widgets import ThemedPlot, theme
+from calstation.gui.widgets import ThemedPlot, apart, theme
 from calstation.gui.widgets.plot import LineLabel, LineLabels, NumberAxis
 from calstation.results import Diagnostics
 
@@ -125,3 +125,11 @@ def test_leader_lines_do_not_look_like_curves(qtbot: QtBot) -> None:
     drawn = {image.pixelColor(x, y).name() for x in range(10) for y in range(image.height())}
     assert len(drawn) > 1, "there are leader lines"
     assert not {"#ff0000", "#0000ff"} & drawn
+
+
+def test_names_of_axes_do_not_overlap_on_a_drawing() -> None:
+    for points in (np.zeros((3, 2)), np.array([[0.1, 0.0], [0.12, 0.01], [-0.9, 0.3]])):
+        moved = apart(points, 0.25)
+        gaps = [float(np.linalg.norm(a - b)) for a, b in combinations(moved, 2)]
+        assert min(gaps) > 0.12
+    np.testing.assert_array_equal(apart(np.eye(3)[:, :2], 0.25), np.eye(3)[:, :2])

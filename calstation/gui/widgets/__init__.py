@@ -11,7 +11,7 @@ from calstation.gui.widgets.badge import (
     state_icon,
     theme_icon,
 )
-from calstation.gui.widgets.drawing import VIEWER, Drawing, basis, circle, depth, screen
+from calstation.gui.widgets.drawing import VIEWER, Drawing, apart, basis, circle, depth, screen
 from calstation.gui.widgets.file_dialog import ask_file, ask_folder, ask_open, proposed_file, set_subject
 from calstation.gui.widgets.form import FormField, FormValues, NameBar, choices_of, make_input, problem_text
 from calstation.gui.widgets.inputs import (

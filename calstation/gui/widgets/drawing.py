@@ -12,6 +12,8 @@ from calstation.physics import FloatArray
 
 #: Half the width of a drawing; the radius of the globe and of the table is 1.
 _EXTENT = 1.38
+#: Smallest distance between the names of two axes, in units of the radius of the table.
+_LETTER = 0.25
 _AZIMUTH, _ELEVATION = np.deg2rad(28.0), np.deg2rad(24.0)
 _SA, _CA = float(np.sin(_AZIMUTH)), float(np.cos(_AZIMUTH))
 _SE, _CE = float(np.sin(_ELEVATION)), float(np.cos(_ELEVATION))
@@ -54,6 +56,20 @@ def circle(normal: FloatArray) -> FloatArray:
 def screen(point: FloatArray) -> QPointF:
     """Project a point of the level frame, shape (3,), onto the screen."""
     return QPointF(*(point @ _SCREEN).tolist())
+
+
+def apart(points: FloatArray, distance: float) -> FloatArray:
+    """Return points on the screen, shape (n, 2), of which each pair that is closer than a distance is moved apart."""
+    moved = np.array(points)
+    for i in range(len(moved)):
+        for j in range(i):
+            between = moved[i] - moved[j]
+            gap = float(np.linalg.norm(between))
+            if gap < distance:
+                direction = between / gap if gap > 1e-6 else np.array([1.0, 0.0])
+                moved[i] += 0.5 * (distance - gap) * direction
+                moved[j] -= 0.5 * (distance - gap) * direction
+    return moved
 
 
 class Drawing(QWidget):
@@ -164,12 +180,13 @@ class Drawing(QWidget):
         hidden
             Whether each arrow is dotted.
         """
+        letters = apart(1.22 * length * attitude.T @ _SCREEN, _LETTER)
         for i in sorted(range(3), key=lambda i: -depth(attitude[:, i])):
             name, direction = "xyz"[i], attitude[:, i]
             colour, tip = theme.AXIS_COLOURS[name], screen(length * direction)
             self.line(screen(starts[i] * direction), tip, colour, 0.045, dotted=hidden[i])
             self._arrow_head(tip, colour)
-            self.letter(name, screen(1.22 * length * direction), theme.axis_text(name))
+            self.letter(name, QPointF(*letters[i].tolist()), theme.axis_text(name))
 
     def letter(self, name: str, at: QPointF, colour: str) -> None:
         """Draw an outlined text centred at a point; the font size does not depend on the scale of the drawing."""

@@ -197,6 +197,7 @@ class ParameterTable(QTableView):
         self.verticalHeader().setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         self.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
         self.horizontalHeader().setHighlightSections(False)
+        self.horizontalHeader().setTextElideMode(Qt.TextElideMode.ElideRight)  # not cut at the left of a number
         model.modelReset.connect(self.fit_columns)
         model.headerDataChanged.connect(self.fit_columns)
         theme.on_appearance_change(self, model.refresh)

@@ -18,6 +18,7 @@ from calstation.gui.widgets import (
     LogAxis,
     PlotNote,
     ThemedPlot,
+    apart,
     circle,
     column,
     dashed,
@@ -36,6 +37,8 @@ _STEP = np.deg2rad(4.0)
 _MAX_RATIO = 30.0
 #: Top of the plot relative to the largest displayed ratio, for the note.
 _HEADROOM = 1.2
+#: Smallest distance between the names of two axes, in units of the radius of the sphere.
+_LETTER = 0.2
 #: Rotation of the sphere per press of an arrow key, degrees.
 _ROTATION_STEP = 10
 
@@ -186,13 +189,14 @@ class Sphere(ThemedPlot):
         c = theme.colours()
         self.getPlotItem().clear()
         self._line(circle(VIEWER) @ self._view, c.line, faint=False)
+        letters = apart(self._on_screen(1.14 * np.eye(3)), _LETTER)
         for axis, name in enumerate("xyz"):
             ends = np.outer((-1.0, 1.0), np.eye(3)[axis])
             self._line(circle(np.eye(3)[axis]), c.line, width=1)
             self._line(ends, theme.AXIS_COLOURS[name], width=1)
             text = pg.TextItem(name, color=theme.axis_text(name), anchor=(0.5, 0.5))
             text.setFont(theme.font(theme.SECTION, bold=True))
-            text.setPos(*self._on_screen(1.14 * ends[1:])[0])
+            text.setPos(*letters[axis])
             self.addItem(text)
         planned, reserve = (down for _, down in self._points)
         self._line(reserve, c.muted, width=2, style=Qt.PenStyle.DashLine)
@@ -218,7 +222,8 @@ class Sphere(ThemedPlot):
             dot.setBrush(theme.faint(c.text, 255 if front else 110))
             self.addItem(dot)
             caption = ", ".join(map(str, numbers[:3])) + (" …" if len(numbers) > 3 else "")
-            text = pg.TextItem(caption, color=c.text if front else c.muted, anchor=(-0.1, 1.0))
+            inwards = 1.1 if at[0] > 0.0 else -0.1, 0.0 if at[1] < 0.0 else 1.0  # the names of the axes are outside
+            text = pg.TextItem(caption, color=c.text if front else c.muted, anchor=inwards)
             text.setFont(theme.font(12))
             text.setPos(*at)
             self.addItem(text, ignoreBounds=True)
