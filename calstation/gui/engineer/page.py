@@ -50,8 +50,8 @@ class EngineerPage(Page):
         self._suggested = ""
         #: Error in the station or product files that prevents a run.
         self._problem: CalstationError | None = None
-        #: Name of the log of the last run, or "".
-        self._last_log = ""
+        #: Name of the log of the last run, or of its first unit; "" before its end, None before the first run.
+        self._last_log: str | None = None
         #: Code of the reason why nothing may start, and why the station and the product are not usable for a run.
         self._obstacles: tuple[str, Text | None] = ("", None)
         self.header = self._header = EngineerHeader(app.run)
@@ -208,6 +208,7 @@ class EngineerPage(Page):
         """Show a run live; after it, clear the serial number, restore the product's stages, and show its remarks."""
         self._start_dialog.drop()
         if running and not self.app.run.register_operation:
+            self._last_log = ""
             self._close_result()
             live = self._views.indexOf(self._live)
             self._tabs.setTabVisible(live, True)
@@ -410,8 +411,8 @@ class EngineerPage(Page):
         if product and chosen and product != chosen:
             names = {"shown": product_text(product), "chosen": product_text(chosen)}
             texts.append(say("engineer.result_of_other_product", **names))
-        run = self.app.run
-        if run.ended and shown in run.serials and self.analysis.log_name != self._last_log:
+        run, is_last = self.app.run, self._last_log in (None, self.analysis.log_name)
+        if (run.ended or run.fault is not None) and shown == run.units[0].serial and not is_last:
             texts.append(say("engineer.result_of_other_run", shown=shown))
         self._other_unit.setVisible(bool(texts) and self._views.currentWidget() not in (self.preview, self.design))
         self._other_unit.show_state("caution", "  ·  ".join(texts))
