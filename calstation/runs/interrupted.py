@@ -42,7 +42,7 @@ class Interrupted:
             return Text.of("question.units_in_other_slots", others=self._reasons)
         run = min(self.runs, key=lambda run: run.completed.amount)
         finished, serials = len(run.finished), [each.serial for each in self.runs]
-        stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
+        stage = (*run.stages, "transfer")[finished]
         several = len(serials) > 1
         in_slot = run.slot is not None
         code = "question.resume" if not in_slot else "question.units_resume" if several else "question.unit_resume"

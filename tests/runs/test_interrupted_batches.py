@@ -13,12 +13,14 @@ from calstation.bench import BenchConfig
 from calstation.bench.live import LiveBench
 from calstation.config import RunRequest, load_configuration
 from calstation.errors import ConfigurationError, InputError
-from calstation.messages import sentence
+from calstation.messages import Language, sentence
+from calstation.records import Verdict
 from calstation.results import History
 from calstation.runs import RunStart, find_interrupted, finish_incomplete
 from calstation.runs import run as run_module
 from calstation.runs.incomplete import close_incomplete
-from calstation.runs.resume import Completed, Continuation, completed_by_all
+from calstation.runs.interrupted import Interrupted
+from calstation.runs.resume import Completed, Continuation, Resumable, completed_by_all
 from calstation.sequencer import LastSample, State, StopRequested
 from calstation.simulation import bench_config
 from tests.dead_logs import write_dead_log
@@ -221,3 +223,14 @@ def test_stop_while_logs_are_copied_ends_all_units(evaluations: list[Any], monke
     monkeypatch.setattr(run_module, "_resume", resume)
     assert run_module._slots(evaluations) == []
     assert [each.ended.call_args.args[0].state for each in evaluations] == [State.STOPPED] * 3
+
+
+@pytest.mark.parametrize(("language", "transfer"), [("en", "stage 3, transfer"), ("zh_CN", "第 3 阶段（写入寄存器）")])
+def test_question_names_the_stage_after_the_completed_ones(language: Language, transfer: str) -> None:
+    planned = ("rate", "azimuth_flip")
+    begun = ("SN-1", Path("a.h5"), "2026-01-01T08:00:00+00:00", 1, None, None, None)
+    for count, stage in ((0, "rate"), (1, "azimuth_flip"), (2, "transfer")):
+        run = Resumable(*begun, Completed(planned, planned[:count], {}), Verdict.STOPPED, "")
+        question = Interrupted((run,)).question
+        assert question.values["stage"] == stage
+    assert transfer in sentence(question, language).lower()
