@@ -10,6 +10,7 @@ import numpy as np
 
 from calstation.devices import Imu
 from calstation.devices.imu import Entry, TransferResult, flash_registers, transfer
+from calstation.errors import CalstationError
 from calstation.estimation import Solution
 from calstation.estimation.common import Posterior
 from calstation.estimation.temperature import TemperatureFit
@@ -207,14 +208,22 @@ class Finalization:
         return self._fit.at(float(np.clip(temperature, *self._fit.model.range)))
 
     def ended(self, ended: RunEnd) -> None:
-        """Write the result of the unit and emit its verdict."""
+        """Write the result of the unit and emit its verdict, which an incomplete unloading does not change."""
         run = self.run
         if run.unverified is not None and run.unverified.open:
             run.emit(Message("transfer_unproved"))
-        if self._is_complete and ended.judgement is not None and ended.error and ended.error.code in _LOG_FAILURES:
-            run.emit(Message("not_stored", {"serial": run.serial, "reason": ended.error.as_text}))
+        if self._is_complete and ended.judgement is not None and ended.state is not State.DONE:
+            run.emit(self._incomplete_end(ended.error))
             ended = replace(ended, state=State.DONE, error=None)
         close_run(run, ended)
+
+    def _incomplete_end(self, error: CalstationError | None) -> Message:
+        """Return the message that the run of a complete unit was stopped, or that an error ended it."""
+        values = {"serial": self.run.serial}
+        if error is None:
+            return Message("unloading_stopped", values)
+        code = "not_stored" if error.code in _LOG_FAILURES else "unloading_failed"
+        return Message(code, {**values, "reason": error.as_text})
 
     @property
     def _is_complete(self) -> bool:

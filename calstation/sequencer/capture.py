@@ -70,7 +70,7 @@ def verification_data(
     rests, opposites = [_rest(runner, units)], []
     parts: list[list[dict[Unit, TurnData]]] = [[] for _ in path.turns]
     position = path.start
-    for leg in path.legs if is_reference else path.measured:
+    for leg in path.reference if is_reference else path.measured:
         if leg.turn is None:
             runner.drive(leg.move)
         else:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -148,7 +149,8 @@ class RunDriver:
         self._path = self._verification_path(verified, compared=set(verified) <= set(compared))
         with self.tags.without_logging():
             self.units.each(lambda unit: self._streams[unit].restore(), compared)
-            self._references = self._capture(compared, "stream.restarts_before_write", is_reference=True)
+            capture = partial(self._capture, compared, "stream.restarts_before_write", is_reference=True)
+            self._references = self.runner.pausable(capture)
 
     def verification_data(self, units: Iterable[Unit], *, restarted: bool = True) -> dict[Unit, VerificationData]:
         """Capture the output of units at rest and in turns without logging it, then restore their raw streams.
@@ -173,10 +175,11 @@ class RunDriver:
             if task.by_hand:
                 data = {self.units.first: manual_rig_data(self.runner)}
             elif gimbal:
-                first, drifts = self.units.first, self.runner.gimbal.verification_turns()
+                first, drifts = self.units.first, self.runner.pausable(self.runner.gimbal.verification_turns)
                 data = {first: VerificationData((), 0.0, drifts=drifts, temperature=first.temperature)}
             else:
-                data = self._capture(units, "stream.restarts_after_write", is_reference=False)
+                capture = partial(self._capture, units, "stream.restarts_after_write", is_reference=False)
+                data = self.runner.pausable(capture)
             self.units.each(
                 lambda unit: self._streams[unit].start(corrected=False), filter(switched.__contains__, units)
             )
@@ -207,7 +210,7 @@ class RunDriver:
         while units := self.units.of(units):
             self._path = path = self._path or self._verification_path(units, compared=False)
             if not (has_arrived and self.runner.arrived(path.start)):
-                first = path.legs[0].move
+                first = (path.reference if is_reference else path.legs)[0].move
                 self.runner.drive(replace(first, outer=path.start[0], inner=path.start[1]))
             if not has_arrived:
                 # The polled angle differs from the commanded one, and such a short move may end before the next poll.
@@ -258,10 +261,10 @@ class RunDriver:
         self._context.emit(Message("finishing"))
         task = self._context.task
         if task.gimbal:
-            self.runner.gimbal.home()
+            self.runner.pausable(self.runner.gimbal.home)
         elif not self.runner.arrived(task.load_angle):
             speeds = task.geometry.limits.limited(task.travel_rate, task.travel_acceleration)
-            self.runner.drive(Move(*task.load_angle, *speeds, ("load",)))
+            self.runner.pausable(lambda: self.runner.drive(Move(*task.load_angle, *speeds, ("load",))))
         self.control_loop.powered = False
         self._context.table.disable()
         if (chamber := self.control_loop.chamber) is not None:

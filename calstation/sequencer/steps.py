@@ -8,7 +8,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,8 @@ from calstation.sequencer.guard import check_motion, check_move
 from calstation.sequencer.soaking import SoakLoop
 from calstation.sequencer.unit_stream import UnitStream
 from calstation.sequencer.units import StepInvalid, Unit
+
+_Result = TypeVar("_Result")
 
 #: Largest distance from its target at which a settled joint has arrived, rad.
 ARRIVAL_TOLERANCE = np.deg2rad(0.5)
@@ -192,6 +194,18 @@ class StepRunner:
                 self.control_loop.pausable = self.control_loop.watchful = False
             self._recover(start, moves)
             parts = [Dwell(_REST_BEFORE_REPEAT), *repetition] if moves else repetition
+
+    def pausable(self, work: Callable[[], _Result]) -> _Result:
+        """Perform `work` outside a stage, again from its beginning after every pause, and return its result."""
+        while True:
+            self.control_loop.pausable = True
+            try:
+                return work()
+            except PauseRequested:
+                self._pause()
+            finally:
+                self.control_loop.pausable = False
+            self._recover(self.position(), moves=False)
 
     def begin_stage(self) -> None:
         """Begin a stage, after which the moves of the previous stage are no longer repeated."""

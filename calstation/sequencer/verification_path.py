@@ -3,7 +3,7 @@
 The turns excite every gyro, and the rests every accelerometer.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -63,6 +63,11 @@ class VerificationPath:
     start: tuple[float, float]
     legs: tuple[Leg, ...]
     turns: tuple[Turn, ...]
+
+    @property
+    def reference(self) -> tuple[Leg, ...]:
+        """The legs along which the reference is captured, labelled so."""
+        return tuple(replace(leg, move=replace(leg.move, label=("reference",))) for leg in self.legs)
 
     @property
     def measured(self) -> tuple[Leg, ...]:

@@ -22,7 +22,16 @@ from calstation.records import Verdict
 from calstation.results import Delivery, History
 from calstation.runs import finish_incomplete
 from calstation.runs.incomplete import StartupRecovery
-from calstation.sequencer import Fault, Finalized, Message, StageProgress, StageSolved, StageStarted, StateChanged
+from calstation.sequencer import (
+    Fault,
+    Finalized,
+    Message,
+    StageProgress,
+    StageSolved,
+    StageStarted,
+    StateChanged,
+    StepStarted,
+)
 from tests.check_rows import check_row
 from tests.dead_logs import write_dead_log
 from tests.gui.conftest import RESULT, SERIAL, Operator
@@ -780,3 +789,59 @@ def test_stop_after_the_verdict_keeps_the_next_action(simulated_run: Operator) -
     simulated_run.window.app.set_language("zh_CN")
     simulated_run.qtbot.keyClick(simulated_run.window, Qt.Key.Key_Escape)
     assert simulated_run.message == "没有在标定。取下产品，扫描下一个。"
+
+
+@pytest.mark.parametrize(
+    ("language", "reason"), [("en", "STOP works at once"), ("zh_CN", "“停止”立即有效")], ids=["en", "zh"]
+)
+def test_a_pause_that_has_not_begun_yet_is_shown(simulated_run: Operator, language: str, reason: str) -> None:
+    link, pause = simulated_run.window.app.engine_link, simulated_run.widget("pause_button")
+    simulated_run.window.app.set_language(language)
+    link.event.emit(StateChanged("running", "preparing"))
+    link.event.emit(Message("registers_transfer"))
+    simulated_run.until(pause.isEnabled)
+    simulated_run.press("pause_button")
+    assert not pause.isEnabled()
+    assert reason in pause.toolTip()
+    assert reason in simulated_run.message
+    link.event.emit(StateChanged("pausing", "running"))
+    link.event.emit(StateChanged("paused", "pausing"))
+    simulated_run.until(pause.isEnabled)
+    assert reason not in simulated_run.message
+    simulated_run.press("pause_button")
+    link.event.emit(StateChanged("running", "paused"))
+    simulated_run.until(pause.isEnabled)
+
+
+@pytest.mark.parametrize("language", ["en", "zh_CN"])
+@pytest.mark.parametrize("registers", ["registers_written", "registers_kept"])
+def test_closing_while_unloading_does_not_say_that_anything_is_lost(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch, registers: str, language: str
+) -> None:
+    monkeypatch.setattr(EngineLink, "running", True)
+    link, closing = operator.window.app.engine_link, operator.window.operator_page.closing
+    operator.window.app.set_language(language)
+    link.request = RunRequest(SERIAL, operator.site_folder.station, operator.site_folder.product)
+    link.running_changed.emit(True)
+    link.event.emit(StateChanged("running", "preparing"))
+    link.event.emit(Message(registers))
+    link.event.emit(Message("finishing"))
+    link.event.emit(StepStarted("", 9, "move", ("load",)))
+    operator.window.close()
+    titles = {"en": "The table is moving to its load position", "zh_CN": "转台正在转到装卸位置"}
+    assert closing.title_label.text() == titles[language]
+    assert {"en": "stays valid", "zh_CN": "仍然有效"}[language] in closing.text_label.text()
+
+
+@pytest.mark.parametrize(("language", "note"), [("en", "The verdict on SN-000042 is valid"), ("zh_CN", "判定有效")])
+def test_a_stop_while_unloading_shows_the_verdict_with_a_note(
+    simulated_run: Operator, language: str, note: str
+) -> None:
+    link = simulated_run.window.app.engine_link
+    simulated_run.window.app.set_language(language)
+    for state, before in (("running", "preparing"), ("stopping", "running"), ("stopped", "stopping")):
+        link.event.emit(StateChanged(state, before))
+    link.event.emit(Message("unloading_stopped", {"serial": "SN-000042"}))
+    end_run(simulated_run, "passed", passed=True)
+    assert simulated_run.run.state == Verdict.PASSED
+    assert note in simulated_run.window.operator_page._verdict._notes.text()

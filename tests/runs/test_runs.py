@@ -11,11 +11,21 @@ import pytest
 
 from calstation.config import library, versions
 from calstation.connection import Devices
-from calstation.errors import ConfigurationError
+from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.records import export_csv, open_log
 from calstation.results import History, resolve
 from calstation.runs import execute, run
-from calstation.sequencer import Command, Control, Event, Finalized, Message, StageSolved, StateChanged, StepStarted
+from calstation.sequencer import (
+    Command,
+    Control,
+    Event,
+    Fault,
+    Finalized,
+    Message,
+    StageSolved,
+    StateChanged,
+    StepStarted,
+)
 from tests.helpers import convert_log, raises_code
 from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder
@@ -262,6 +272,36 @@ def test_a_stop_during_the_transfer_waits_for_its_end(site_folder: SiteFolder) -
     assert (ended.verdict, registers["verified"]) == ("stopped", False)
     assert registers["new"] != registers["old"]
     assert [e.state for e in site_folder.events_of(StateChanged)][-2:] == ["stopping", "stopped"]
+
+
+@pytest.mark.parametrize(
+    ("out_of_limits", "outcome"), [(True, "failed"), pytest.param(False, "passed", marks=pytest.mark.long)]
+)
+def test_a_stop_while_unloading_leaves_the_verdict(site_folder: SiteFolder, out_of_limits: bool, outcome: str) -> None:
+    def watch(event: Event) -> None:
+        if isinstance(event, Message) and event.id == "finishing":
+            site_folder.control.send(Command.STOP)
+
+    site_folder.write(out_of_limits=out_of_limits)
+    ended = site_folder.run("six_position", on_event=watch)
+    assert (ended.result["outcome"], ended.result.get("stop_reason")) == (outcome, None)
+    assert bool((ended.result["registers"] or {}).get("verified")) is not out_of_limits
+    assert [e.state for e in site_folder.events_of(StateChanged)][-2:] == ["stopping", "stopped"]
+    assert "unloading_stopped" in [m.id for m in site_folder.events_of(Message)]
+
+
+def test_a_fault_of_the_table_while_unloading_leaves_the_verdict(
+    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise DeviceFaultError("motion.switched_off")
+
+    monkeypatch.setattr("calstation.sequencer.driving.RunDriver.finish", fail)
+    site_folder.write(out_of_limits=True)
+    ended = site_folder.run("six_position")
+    assert (ended.result["outcome"], ended.result.get("error")) == ("failed", None)
+    assert [fault.code for fault in site_folder.events_of(Fault)] == ["motion.switched_off"]
+    assert "unloading_failed" in [m.id for m in site_folder.events_of(Message)]
 
 
 def test_stop_while_devices_are_opened_leaves_a_result(site_folder: SiteFolder) -> None:

@@ -565,6 +565,40 @@ def test_stop_between_two_transfers_leaves_the_written_unit_unverified() -> None
     assert [verdict(unit.end) for unit in batch.units] == ["stopped"] * 2
 
 
+@pytest.mark.parametrize(
+    ("moment", "delay", "label"),
+    [("reference", 9.0, "reference"), ("verifying", 9.0, "verify"), ("finishing", 0.2, "load")],
+)
+def test_pause_outside_the_stages_stops_the_table_at_once(moment: str, delay: float, label: str) -> None:
+    batch = Batch(2)
+    asked(batch)
+    batch.task = replace(batch.task, load_angle=(1.0, 0.0))
+    at_rest: list[bool] = []
+
+    def pause() -> None:
+        batch.control.send(Command.PAUSE)
+        batch.clock.at(batch.clock.time + 4.0, resume)
+
+    def resume() -> None:
+        at_rest.append(batch.table.angles_at(batch.clock.time) == batch.table.target)
+        assert [event.state for event in batch.of(StateChanged)][-1] == "paused"
+        batch.control.send(Command.RESUME)
+
+    if moment == "finishing":  # the capture before ends at the load position
+        for unit in batch.units:
+            unit.writes = False
+    batch.on(Message, delay, pause, moment)
+    assert batch.run() is State.DONE
+    assert at_rest == [True]
+    assert [verdict(unit.end) for unit in batch.units] == ["passed"] * 2
+    assert [len(unit.proved) for unit in batch.units] == [int(moment != "finishing")] * 2
+    states = [event.state for event in batch.of(StateChanged)]
+    assert states[states.index("pausing") :] == ["pausing", "paused", "running", "done"]
+    paused = batch.events.index(StateChanged(State.PAUSING, State.RUNNING))
+    steps = [event for event in batch.events[:paused] if isinstance(event, StepStarted)]
+    assert steps[-1].label == (label,)
+
+
 def test_pause_repeats_the_step_for_all_units() -> None:
     batch = Batch(2)
 

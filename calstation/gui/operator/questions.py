@@ -59,8 +59,10 @@ def close_question(run: RunStatus) -> Text:
     """Return what the window would interrupt by closing, and what is lost: a term of the family ``question``."""
     state = {"starting": "preparing", "pausing": "pause", "paused": "pause", "stopping": "end"}.get(run.state)
     state = state or (run.state if run.state == "preparing" else "run" if run.in_progress else "end")
-    if state in ("preparing", "run") and (run.registers or run.register_operation):
-        state = {"": "operation", "written": "end"}.get(run.registers, run.registers)
+    if state == "run" and (run.unloading or run.registers == "written"):
+        state = "unloading"
+    elif state in ("preparing", "run") and (run.registers or run.register_operation):
+        state = run.registers or "operation"
     elif state == "end" and run.chamber.must_stay_closed:
         state = "return"
     later = "resumed" if run.resumable else "again" if state == "preparing" else "lost"
@@ -82,6 +84,8 @@ def progress_message(run: RunStatus) -> str:
         return say("operator.message_stopping_connecting")
     if run.state in ("stopping", "paused"):
         return say(f"operator.message_{run.state}{'_manual' if run.by_hand else ''}")
+    if run.pause_requested:
+        return term("no_pause", "requested")
     if run.latest is None:
         return ""
     kind, key, values = run.latest

@@ -86,6 +86,10 @@ class RunStatus(QObject):
         self.monitoring: tuple[str, Text] | None = None
         #: ``writing`` while registers are written, ``verifying`` until they are verified, then ``written``; "" before.
         self.registers = ""
+        #: Whether a pause was requested that has not begun yet.
+        self.pause_requested = False
+        #: Whether the units are complete and the table moves to its load position.
+        self.unloading = False
         #: Whether the sequencer may have moved the table; False while devices are opened and identified.
         self.commanded = False
         #: Serial numbers and state of the run in the first window of the station; None in that window.
@@ -277,7 +281,9 @@ class RunStatus(QObject):
 
     def pause_or_resume(self) -> None:
         """Pause a run after its current step, or resume it."""
-        self._link.send(Command.RESUME if self.state in ("pausing", "paused") else Command.PAUSE)
+        self.pause_requested = self.state not in ("pausing", "paused")
+        self._link.send(Command.PAUSE if self.pause_requested else Command.RESUME)
+        self.changed.emit()
 
     def end_stage(self) -> None:
         """End the current stage after its current move; the run then solves it and continues."""
@@ -375,6 +381,7 @@ class RunStatus(QObject):
             self.stop_incomplete, self.resumable = False, request.resume is not None
             self.chamber = ChamberStatus()
             self.registers = self.stage_ending = ""
+            self.unloading = self.pause_requested = False
             self._soaks_from = None
             self._started_at = self._done_before = 0.0
             try:
@@ -433,6 +440,7 @@ class RunStatus(QObject):
             for unit in self.units:
                 if unit.slot == event.slot if event.slot else unit.verdict is None:
                     unit.handle_event(event)
+        self.unloading = self.unloading or (isinstance(event, Message) and event.id == "finishing")
         if isinstance(event, StageStarted | Message):
             self.registers = _REGISTERS.get(event.id, self.registers) if isinstance(event, Message) else ""
         match event:
@@ -470,7 +478,7 @@ class RunStatus(QObject):
             return False  # the result of the operation follows
         if state == "done" or (state == "stopped" and self.in_slots):
             return False  # the verdicts follow
-        self.state = state
+        self.state, self.pause_requested = state, False
         self._measure_pause()
         return True
 

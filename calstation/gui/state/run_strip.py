@@ -148,8 +148,8 @@ class PauseButton(QPushButton):
 
     def _refresh(self) -> None:
         run = self._run
-        possible = run.display_state in ("running", "paused")
-        enable(self, "" if possible else term("no_pause", run.display_state if run.in_progress else "idle"))
+        state = "requested" if run.pause_requested else run.display_state if run.in_progress else "idle"
+        enable(self, "" if state in ("running", "paused") else term("no_pause", state))
         self.setText(say("common.resume" if run.state in ("pausing", "paused") else "operator.pause"))
 
 

@@ -37,6 +37,8 @@ _REMARKS = (
     "old_unproved",
     "stopped_because",
     "stopped_early",
+    "unloading_stopped",
+    "unloading_failed",
     "latitude_untold",
     "handover_waiting",
     "certificate_waits",
@@ -180,7 +182,7 @@ class UnitStatus:
                 self.sigma |= event.sigma
             case StepStarted():
                 row = self._row(TRANSFER)
-                if event.label[:1] == ("verify",) and row.state == "active":
+                if event.label[:1] in (("reference",), ("verify",)) and row.state == "active":
                     left = max(row.remaining - _VERIFICATION_STEP, 0.0)
                     row.progress(1.0 - left / row.duration, left)
             case StageEnded():
