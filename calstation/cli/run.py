@@ -55,8 +55,9 @@ _EXIT_CODES = {Verdict.PASSED: 0, Verdict.PARTIAL: 0, Verdict.FAILED: 1, Verdict
 #: Code of the text for the result of the innovation test of a stage; None means that nothing was tested.
 _CONSISTENCY = {True: "cli.consistent", False: "cli.not_consistent", None: "cli.consistency_untested"}
 
-#: Answers used without a terminal, by the subject of the question; such a unit may always be calibrated again.
-_WITHOUT_TERMINAL = {"resume": "anew", "passed": "repeat"}
+#: Answers used without a terminal, by the subject of the question; such a unit may always be calibrated again. The
+#: engine refuses a unit after an interrupted transfer unless the unit still has its old registers.
+_WITHOUT_TERMINAL = {"transfer": "undecided", "resume": "anew", "passed": "repeat"}
 
 
 def run_command(
@@ -106,7 +107,7 @@ def _ask_questions(request: RunRequest, answers: Mapping[str, str | None], confi
         raise ConfigurationError("cli.resume_options")
     start = RunStart(request, "engineer")
     while (question := start.next_question()) is not None:
-        answer = answers[question.subject]
+        answer = answers.get(question.subject)
         if answer is None and not sys.stdin.isatty():
             answer = _WITHOUT_TERMINAL.get(question.subject)
             if answer is None:

@@ -14,7 +14,7 @@ from calstation.devices import LOCAL_CONTROL, Table, TableIdentity
 from calstation.devices.links import ModbusRefusalError, TextRefusalError
 from calstation.jobs import ProgressCallback
 
-Outcome = Literal["nothing", "cleared", "interlock_open", "moving", "local_control", "refused", "stays"]
+Outcome = Literal["nothing", "cleared", "still_moving", "interlock_open", "moving", "local_control", "refused", "stays"]
 
 #: Timeout for a drive to clear a latched fault, host time, s.
 _CLEAR_TIMEOUT = 2.0
@@ -45,8 +45,9 @@ class TableState:
 class TableReset:
     """The result of a reset.
 
-    outcome : ``nothing`` if no fault was latched; ``cleared``; ``interlock_open``, ``moving`` or ``local_control`` if
-        this prevented the reset; ``refused`` by the table; ``stays`` if the fault persists because its cause persists
+    outcome : ``nothing`` if no fault was latched and the table is at rest, ``still_moving`` if it moves without one;
+        ``cleared``; ``interlock_open``, ``moving`` or ``local_control`` if this prevented the reset; ``refused`` by the
+        table; ``stays`` if the fault persists because its cause persists
     latched : latched fault before the reset, or None
     left : latched fault after the reset, or None
     words : message of the table if it refused the reset
@@ -59,8 +60,8 @@ class TableReset:
 
     @property
     def clear(self) -> bool:
-        """Whether no fault is latched any longer."""
-        return self.left is None
+        """Whether no fault is latched any longer, and the table is at rest."""
+        return self.left is None and self.outcome != "still_moving"
 
 
 def read_table(progress: ProgressCallback, request: LinkTestRequest) -> TableState:
@@ -108,7 +109,7 @@ def reset(table: Table) -> TableReset:
     before = table.status()
     latched = before.fault
     if latched is None:
-        return TableReset("nothing", None, None)
+        return TableReset("still_moving" if before.moving else "nothing", None, None)
     if latched == LOCAL_CONTROL:
         return TableReset("local_control", latched, latched)
     if not before.interlock_closed:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from calstation.config import RunConfiguration
 from calstation.connection import Devices, ImuSession, capture_rest
@@ -14,8 +15,9 @@ from calstation.registers.preconditions import check_unit_model, undecided
 from calstation.registers.verification import finish_verification
 from calstation.sequencer import Emit, Message, RunInBackground, VerificationData, check_power
 
-#: Options for an interrupted transfer: complete and verify the new registers, or restore the old ones.
-DECISIONS = ("finish", "restore")
+#: Options for an interrupted transfer: restore the old registers, or complete and verify the new ones.
+Decision = Literal["restore", "finish"]
+DECISIONS: tuple[Decision, ...] = ("restore", "finish")
 
 
 @dataclass
@@ -33,6 +35,15 @@ class UnverifiedTransfer:
         self.open = False
         finish_verification(self.setup, self.imu, self.transferred, data, run_in_background)
         self.on_verified()
+
+
+def transfer_open(folder: Path, serial: str) -> bool:
+    """Return whether a transfer to a unit has written registers and has not ended, according to its journal.
+
+    `folder` is that of `journal_folder`. Raises ConfigurationError if the journal is damaged.
+    """
+    entry = journal.interrupted(folder, serial)
+    return entry is not None and bool(entry.steps)
 
 
 def recover_interrupted(

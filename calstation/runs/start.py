@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Literal
+from typing import Literal, cast
 
 from calstation.config import (
     ConfirmationRequired,
@@ -24,6 +24,7 @@ from calstation.errors import ConfigurationError
 from calstation.messages import Text, Value
 from calstation.quality import require_standards
 from calstation.records import LogMeta, open_log
+from calstation.registers import DECISIONS, Decision, journal_folder, transfer_open
 from calstation.results import History
 from calstation.runs.hooks import station_hooks
 from calstation.runs.interrupted import Interrupted, interrupted_units
@@ -32,9 +33,9 @@ from calstation.runs.resume import Continuation, resumable_run
 #: Role of the person who starts a run.
 Role = Literal["operator", "engineer"]
 
-#: Subject of a question: an interrupted run of the unit, attempts that are used up, a unit that has passed, a check
-#: standard or certificate that is overdue or failed, or the motion of a real table.
-Subject = Literal["resume", "attempts", "passed", "standard", "table_moves"]
+#: Subject of a question: an interrupted transfer of registers, an interrupted run of the unit, attempts that are used
+#: up, a unit that has passed, a check standard or certificate that is overdue or failed, or the motion of a real table.
+Subject = Literal["transfer", "resume", "attempts", "passed", "standard", "table_moves"]
 
 #: Refusals of production that an engineer can override.
 _OVERRIDABLE = (
@@ -77,10 +78,13 @@ class RunStart:
         self.request, self._setups = request, prepare_units(resumed or unit_requests(request), adjust)
         if resumed or request.unfinished is not None:  # the questions were asked before the interruption
             self._answered |= {"resume", "passed"}
+        if request.unfinished is not None:
+            self._answered.add("transfer")
 
     def next_question(self) -> Question | None:
         """Return the first open question, or None if the run may start. Raises ConfigurationError."""
         questions: dict[Subject, Callable[[], Question | None]] = {
+            "transfer": self._ask_transfer,
             "resume": self._ask_resume,
             "attempts": self._ask_attempts,
             "passed": self._ask_passed,
@@ -104,6 +108,8 @@ class RunStart:
             else:
                 request = replace(request, resume=runs[0].log, product=product_of(runs[0].log))
             self._set_request(replace(request, product=request.product or self.request.product))
+        elif question.subject == "transfer" and answer in DECISIONS:
+            self._set_request(replace(self.request, unfinished=cast("Decision", answer)))
         elif answer == "beyond":
             self.request = replace(self.request, beyond_attempts=True)
         self._answered.add(question.subject)
@@ -137,6 +143,17 @@ class RunStart:
         """Configuration of a unit whose product requires two people for an override, or else of the first unit."""
         setups = (s for s in self._setups if confirmation_required("override", s.product, s.station).second)
         return next(setups, self._setups[0])
+
+    def _ask_transfer(self) -> Question | None:
+        """Ask about the units whose registers a transfer may have changed without having been verified."""
+        folder = journal_folder(self._setups[0].station, self.request.out)
+        serials = [serial for setup in self._setups if transfer_open(folder, serial := setup.request.serial)]
+        if not serials:
+            return None
+        by_hand = self._setups[0].table.by_hand
+        code = f"transfer_interrupted{'_manual' if by_hand else ''}"
+        refusal = ConfigurationError("run.transfer_interrupted", serials=serials)
+        return Question("transfer", self._text(code, {"serial": serials[0], "serials": serials}), DECISIONS, refusal)
 
     def _ask_resume(self) -> Question | None:
         request, station = self.request, self._setups[0].station

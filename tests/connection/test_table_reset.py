@@ -25,6 +25,8 @@ from calstation.errors import DeviceFaultError
 from calstation.sequencer import check_power
 from tests.connection.fake_links import SITE, FakeTable, order, server, tcp_pdu
 from tests.helpers import ignore_progress, raises_code
+from tests.sequencer.fakes import FakeClock
+from tests.sequencer.fakes import FakeTable as SequencerTable
 
 _REMOTE = 1 << 9
 
@@ -130,6 +132,13 @@ def test_a_moving_table_is_not_reset(bench: Bench) -> None:
     assert bench.reset() == TableReset("moving", "drive", "drive")
     bench.clock.sleep(6.0)
     assert bench.reset().outcome == "cleared"
+
+
+def test_a_moving_table_without_a_latched_fault_is_not_safe() -> None:
+    table = SequencerTable(FakeClock(), target=(1.0, 0.0))
+    assert table_reset.reset(table) == TableReset("still_moving", None, None)
+    assert not table_reset.reset(table).clear
+    assert table.commands == []
 
 
 class Stubborn(FakeTable):

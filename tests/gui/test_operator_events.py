@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QListW
 from calstation.config import RunRequest, library
 from calstation.connection import TableReset
 from calstation.errors import DeviceFaultError, InputError
-from calstation.gui.state import RunStrip
+from calstation.gui.state import AppContext, RunStrip, TableNotice
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.widgets import theme
 from calstation.jobs import JobQueue
@@ -845,3 +845,96 @@ def test_a_stop_while_unloading_shows_the_verdict_with_a_note(
     end_run(simulated_run, "passed", passed=True)
     assert simulated_run.run.state == Verdict.PASSED
     assert note in simulated_run.window.operator_page._verdict._notes.text()
+
+
+@pytest.mark.parametrize(
+    ("language", "advised"), [("en", "The new registers are not verified"), ("zh_CN", "新寄存器尚未验证")]
+)
+def test_a_stop_before_the_verification_asks_about_the_registers(
+    simulated_run: Operator, language: str, advised: str
+) -> None:
+    link, page = simulated_run.window.app.engine_link, simulated_run.window.operator_page
+    simulated_run.window.app.set_language(language)
+    link.event.emit(StateChanged("running", "preparing"))
+    link.event.emit(Message("verifying"))
+    link.event.emit(StateChanged("stopping", "running"))
+    link.event.emit(Message("transfer_unproved"))
+    link.event.emit(StateChanged("stopped", "stopping"))
+    end_run(simulated_run, "stopped", advice="repeat")
+    assert page._verdict.action_label.text().startswith(advised)
+    assert simulated_run.widget("restore_choice").isVisible()
+    assert simulated_run.widget("serial_edit", QLineEdit).text() == SERIAL
+    assert not simulated_run.widget("start_button").isEnabled()
+    simulated_run.press("cancel_choice")
+    assert simulated_run.widget("start_button").isEnabled()
+
+
+WARNING = {"en": "The table may still move", "zh_CN": "转台可能仍在动"}
+
+
+def stop_incompletely(operator: Operator) -> None:
+    """Stop a run whose table does not respond to the safe stop."""
+    link = operator.window.app.engine_link
+    link.event.emit(StateChanged("running", "preparing"))
+    link.event.emit(StateChanged("stopping", "running"))
+    failure = {"text": Text.of("os.other", words="no answer"), "table": True}
+    link.event.emit(Message("safe_stop_incomplete", failure))
+    link.event.emit(StateChanged("stopped", "stopping"))
+    end_run(operator, "stopped")
+
+
+@pytest.mark.parametrize("language", ["en", "zh_CN"])
+def test_a_table_that_may_still_move_is_named_on_every_page_until_it_is_reset(
+    simulated_run: Operator, language: str
+) -> None:
+    window, run = simulated_run.window, simulated_run.run
+    window.app.set_language(language)
+    stop_incompletely(simulated_run)
+    run.acknowledge()
+    simulated_run.until_no_job()
+    simulated_run.scan("SN-000043")
+    for page in ("operator_page", "engineer_page", "history_page", "station_page"):
+        window.show_page(page)
+        lines = simulated_run.says().splitlines()
+        assert WARNING[language] in lines, page
+        assert simulated_run.widget(f"{page}_table_reset_button").isVisible()
+        assert not {"READY", "可以开始"} & set(lines), page
+    window.show_page("operator_page")
+    page = window.operator_page
+    assert page._views.currentWidget() is page._unsafe, "no unit is mounted now"
+    assert not simulated_run.widget("start_button").isEnabled()
+    assert not page.notice.asking, "nothing is offered before"
+    assert WARNING[language] in simulated_run.message
+
+    reset = window.findChild(TableNotice).reset
+    reset._finish(TableReset("still_moving", None, None))
+    assert run.stop_incomplete
+    reset._finish(TableReset("nothing", None, None))
+    assert not run.stop_incomplete
+    simulated_run.until(simulated_run.widget("start_button").isEnabled)
+    assert WARNING[language] not in simulated_run.says()
+
+
+def test_a_table_that_may_still_move_is_still_named_after_a_restart_of_the_window(
+    simulated_run: Operator, job_queue: JobQueue
+) -> None:
+    station = simulated_run.site_folder.station
+    stop_incompletely(simulated_run)
+    again = AppContext(station)
+    assert again.run.stop_incomplete
+    again.set_station(None)
+    assert not again.run.stop_incomplete, "the table of the other station is not concerned"
+    again.set_station(station)
+    assert again.run.why_not_start == "operator.table_unconfirmed"
+    again.run.set_stop_incomplete(False)
+    assert not AppContext(station).run.stop_incomplete
+
+
+def test_window_stays_open_after_a_stop_that_the_table_did_not_confirm(
+    simulated_run: Operator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(EngineLink, "running", True)
+    simulated_run.window.stop_and_close()
+    monkeypatch.setattr(EngineLink, "running", False)
+    stop_incompletely(simulated_run)
+    assert simulated_run.window.isVisible()

@@ -13,7 +13,9 @@ from PySide6.QtWidgets import QLineEdit, QPushButton
 from calstation.cli import run as run_module
 from calstation.cli.app import run_app
 from calstation.config import RunRequest, access
+from calstation.devices.imu import Step
 from calstation.gui.state.engine_link import EngineLink
+from calstation.registers import Purpose, journal
 from calstation.results import History
 from calstation.runs import finish_incomplete
 from tests.database.result_files import write_result
@@ -150,7 +152,20 @@ def interrupted(site: SiteFolder) -> None:
     finish_incomplete(site.runs)
 
 
+def unverified(site: SiteFolder, *serials: str) -> None:
+    """Record that registers were written to units, but not verified."""
+    for serial in serials or (SERIAL,):
+        entry = journal.begin(site.runs, serial, {}, {"gyro_bias_x": 1e-6}, Purpose("Li Na", "run", "a.h5"))
+        entry.note(Step.COMMITTED)
+
+
 CASES: dict[str, tuple[Callable[[SiteFolder], None], str, str, dict[str, object]]] = {
+    "transfer": (
+        unverified,
+        f"Writing the registers of {SERIAL} was interrupted",
+        "restore",
+        {"unfinished": "restore"},
+    ),
     "passed": (passed, f"{SERIAL} has already passed", "repeat", {}),
     "attempts": (
         failed,
@@ -242,7 +257,7 @@ def test_permission_asked_for_is_dropped_with_its_station(
     assert started == []
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", [case for case in CASES if case != "transfer"])
 def test_command_without_a_terminal_names_the_option_and_refuses_what_needs_a_person(
     case: str, site_folder: SiteFolder, capsys: pytest.CaptureFixture[str], started: list[RunRequest]
 ) -> None:
@@ -267,6 +282,48 @@ def test_command_without_a_terminal_names_the_option_and_refuses_what_needs_a_pe
     request = started[-1]
     assert option[0] not in capsys.readouterr().err
     assert replace(request, **expected) == request  # type: ignore[arg-type]
+
+
+def test_command_without_a_terminal_leaves_an_interrupted_transfer_to_the_check_of_the_unit(
+    site_folder: SiteFolder, capsys: pytest.CaptureFixture[str], started: list[RunRequest]
+) -> None:
+    unverified(site_folder)
+    where = ("--station", site_folder.station, "--product", site_folder.product, "--out", site_folder.runs)
+    run_app([str(word) for word in ("run", *where, "--serial", SERIAL)])
+    assert f"Writing the registers was interrupted: {SERIAL}." in capsys.readouterr().err
+    assert started[0].unfinished is None, "the engine refuses the run unless the unit has its old registers"
+
+
+@pytest.mark.parametrize(("language", "question"), [("en", "Writing the registers of"), ("zh_CN", "写寄存器时中断")])
+def test_unverified_registers_are_asked_about_at_the_scan(
+    operator: Operator, started: list[RunRequest], language: str, question: str
+) -> None:
+    unverified(operator.site_folder)
+    operator.window.app.set_language(language)
+    operator.scan(SERIAL)
+    assert question in operator.says()
+    start = operator.widget("start_button")
+    assert not start.isEnabled()
+    assert not {"READY", "可以开始"} & set(operator.says().splitlines())
+    operator.press("finish_choice")
+    (request,) = started
+    assert (request.serial, request.unfinished) == (SERIAL, "finish")
+
+
+def test_unverified_registers_of_several_units_are_asked_about_together(
+    operator: Operator, started: list[RunRequest]
+) -> None:
+    unverified(operator.site_folder, "SN-000001", "SN-000003")
+    operator.site_folder.write(units=3)
+    operator.window.app.set_station(operator.site_folder.station)
+    for serial in ("SN-000001", "SN-000002", "SN-000003"):
+        operator.scan(serial)
+    operator.press("start_button")
+    assert "Writing the registers was interrupted: SN-000001, SN-000003" in operator.says()
+    assert started == []
+    operator.press("restore_choice")
+    (request,) = started
+    assert (len(request.serials), request.unfinished) == (3, "restore")
 
 
 def test_next_unit_of_the_virtual_bench_has_not_passed(site_folder: SiteFolder, started: list[RunRequest]) -> None:

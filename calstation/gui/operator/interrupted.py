@@ -56,6 +56,7 @@ class InterruptedRuns(QObject):
         app.resume_run.connect(lambda log: self.offer(log=log))
         app.run.chamber_acknowledged.connect(self._chamber_looked_at)
         app.station_changed.connect(self._station_changed)
+        app.run.stop_incomplete_changed.connect(self._stop_completed)
 
     @property
     def asking(self) -> bool:
@@ -92,6 +93,11 @@ class InterruptedRuns(QObject):
         if not left:
             self.offer()
 
+    def _stop_completed(self, incomplete: bool) -> None:
+        """Offer what was found while the table might still have moved."""
+        if self._recovering and not incomplete and self._app.run.state == "idle":
+            self.offer(self._serials, self._log, self._otherwise)
+
     def _chamber_looked_at(self) -> None:
         if self._left:
             self._app.settings.setValue(_LOOKED_AT, self._left)
@@ -126,7 +132,7 @@ class InterruptedRuns(QObject):
             otherwise()
 
     def _search_done(self, found: list[Interrupted]) -> None:
-        if self._app.engine_link.running or self.run_summary is None:
+        if self._app.engine_link.running or self.run_summary is None or self._app.run.stop_incomplete:
             return
         found = [each for each in found if (each.runs[0].slot is not None) == bool(self.run_summary.slots)]
         self.serials = frozenset(run.serial for each in found for run in each.runs)

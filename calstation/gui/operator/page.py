@@ -75,7 +75,7 @@ class OperatorPage(Page):
         #: Whether the serial field is for the next unit; the engine of the last run may still be running.
         self._next_awaited = True
         self._problem: Text | None = None
-        self._opened = self._fault_read = False
+        self._opened = self._offer_due = False
         self._products: list[tuple[str, Path]] = []
         self._station = ""  #: Station file whose product has been selected.
         self.header: RunHeader = RunHeader(app.run)
@@ -95,7 +95,8 @@ class OperatorPage(Page):
         self._unit_opened = False
         self._unusable = EmptyState(title="operator.unusable", text="operator.about_unusable")
         self._unconfirmed = EmptyState(title="operator.chamber_unknown", text="operator.chamber_unconfirmed")
-        waiting = (self._unusable, self._unconfirmed)
+        self._unsafe = EmptyState(title="operator.table_unsafe", text="operator.table_unconfirmed")
+        waiting = (self._unusable, self._unconfirmed, self._unsafe)
         self._views = stack(*waiting, self._loading, self._slots, self._live, self._verdicts, self._verdict)
         self._progress = progress_bar(theme.GRID, "run_progress")
         self._message, self._badge = label(name="message_label", wrap=True), StateBadge(theme.SECTION)
@@ -186,6 +187,7 @@ class OperatorPage(Page):
         app.engine_link.event.connect(self._refresh_closing)
         app.run.stop_pressed.connect(self._stop_pressed)
         app.run.chamber_acknowledged.connect(self._offer_after_fault)
+        app.run.stop_incomplete_changed.connect(self._offer_after_fault)
         app.station_changed.connect(self._change_station)
         app.product_changed.connect(self._show_product)
         app.choice_changed.connect(self._plan)
@@ -292,16 +294,17 @@ class OperatorPage(Page):
         self.notice.dismiss()
         self.app.run.acknowledge()
         self._starting.await_unit()
-        self._fault_read = True
+        self._offer_due = True
         self._offer_after_fault()
 
     def _offer_after_fault(self) -> None:
         """Offer what remains to do after a fault, once its chamber is at ambient or has been looked at."""
         run, request = self.app.run, self.app.engine_link.request
-        if not self._fault_read or self.app.engine_link.running or run.chamber.must_stay_closed:
+        if not self._offer_due or self.app.engine_link.running or run.chamber.must_stay_closed or run.stop_incomplete:
             return
-        self._fault_read = False
-        interrupted = next((unit for unit in run.units if unit.transfer is not None), None)
+        self._offer_due = False
+        undecided = (unit for unit in run.units if unit.transfer is not None or (unit.unverified and not unit.slot))
+        interrupted = next(undecided, None)
         if interrupted is not None and request is not None:
             self._starting.ask_transfer(request, interrupted.serial)
         else:
@@ -321,7 +324,7 @@ class OperatorPage(Page):
         if running:
             self.notice.dismiss()
             self._show_serial()
-            self._next_awaited = self._unit_opened = False
+            self._next_awaited = self._unit_opened = self._offer_due = False
             self.setFocus()
             self._refresh()
             return
@@ -333,7 +336,7 @@ class OperatorPage(Page):
         elif run.state == "idle":
             self._starting.check()  # the next unit may have been scanned before the engine ended
         if run.state in (Verdict.STOPPED, Verdict.INCOMPLETE):
-            self._starting.offer_unfinished()
+            self._offer_due = True
         self._ask_transfer()
         self._offer_after_fault()
 
@@ -397,8 +400,8 @@ class OperatorPage(Page):
         self.header.set_start(self._why_not_start())
         starting = self._starting
         missing = self.header.badge_field.required or starting.refused is not None or bool(self._overdue())
-        missing = missing or starting.interrupted.asking
-        waits = run.display_state == "idle" and run.elsewhere is None and missing
+        missing = missing or starting.asking
+        waits = run.display_state == "idle" and run.elsewhere is None and missing and not run.stop_incomplete
         self._badge.show_state(*(("none", term("badge", "not_ready")) if waits else run_badge(run)))
         self._message.setText(self._message_text())
 
@@ -411,7 +414,7 @@ class OperatorPage(Page):
             return why_not
         if header.badge_field.required:
             return say("operator.sign_in")
-        if starting.interrupted.asking:
+        if starting.asking:
             return say("operator.answer_first")
         if starting.slots and not starting.slots.units and not header.serial:
             return say("operator.no_unit")
@@ -432,6 +435,7 @@ class OperatorPage(Page):
         if run.state == "idle" and not returning:
             loading: QWidget = self._slots if self._starting.slots else self._loading
             loading = self._unconfirmed if run.chamber.must_stay_closed else loading
+            loading = self._unsafe if run.stop_incomplete else loading
             self._views.setCurrentWidget(self._unusable if self._problem is not None else loading)
         elif run.fault is None and (returning or not run.finalized) and self.app.engine_link.running:
             self._views.setCurrentWidget(self._live)
@@ -470,6 +474,8 @@ class OperatorPage(Page):
         run = self.app.run
         if run.fault is not None:
             return fault_text(run.fault, engineer=self.app.role.engineer).text
+        if run.stop_incomplete:
+            return say("advice.stop_incomplete")
         if run.chamber.must_stay_closed:
             return say("operator.chamber_message", reason=chamber_reason(run))
         if run.elsewhere is not None:

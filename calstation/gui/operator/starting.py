@@ -10,7 +10,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QTimer
 
-from calstation.config import RunRequest, virtual_serials
+from calstation.config import RunRequest, load_station, virtual_serials
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.interrupted import InterruptedRuns
@@ -20,6 +20,7 @@ from calstation.gui.text import on_language_change, say, term
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
 from calstation.records import Verdict
+from calstation.registers import journal_folder, transfer_open
 from calstation.results import History
 from calstation.runs import Interrupted, RunSummary, product_of, resumable_run
 from calstation.sound import play
@@ -178,8 +179,22 @@ class RunStarter(QObject):
         summary = self.run_summary
         if summary is None or not accepted or self.slots or header.badge_field.required:
             return
-        if resumable_run(self._app.runs_folder, header.serial, summary.station) is not None:
+        if self._interrupted(header.serial, summary.station):
             self.start()
+
+    def _interrupted(self, serial: str, station: str) -> bool:
+        """Return whether START asks about an interrupted run of a unit, or about its registers."""
+        folder = self._app.runs_folder
+        with suppress(CalstationError):  # START shows an error in the journal
+            here = journal_folder(load_station(self._app.station_path)[1], folder)
+            if transfer_open(here, serial):
+                return True
+        return resumable_run(folder, serial, station) is not None
+
+    @property
+    def asking(self) -> bool:
+        """Whether a question about an interrupted run or transfer is open, which must be answered before START."""
+        return self.interrupted.asking or self._notice.offers("restore_choice")
 
     def _refuse_scan(self) -> None:
         """Say that a scan during a run was not taken."""
@@ -308,6 +323,7 @@ class RunStarter(QObject):
             "finish": lambda: self.dialog.begin(replace(request, unfinished="finish")),
             "cancel": self._header.focus_scan,
         }
+        self._header.set_serial("" if self.slots else serial)  # instead of a suggested unit
         ask(self._notice, "caution", Text.of(code, serial=serial), answers, primary="cancel")
 
     def _resume(self, interrupted: Interrupted) -> None:

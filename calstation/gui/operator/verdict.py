@@ -189,7 +189,6 @@ class VerdictPanel(QFrame):
     def _reset_changed(self) -> None:
         self._stress()
         if self.reset.result is not None and self.reset.result.clear:
-            self._run.stop_incomplete = False
             self.acknowledge_button.setFocus()
         self._refresh()
 
@@ -225,6 +224,8 @@ class VerdictPanel(QFrame):
             return say("advice.stop_incomplete")
         if fault is None and self._run.chamber.must_stay_closed:
             return say("operator.chamber_unconfirmed")  # no unit is removed before
+        if fault is None and self._run.unit.unverified:
+            return say("advice.decide_registers")
         if fault is None:
             return advice.next_action(self._display_state, result)
         reset = self.reset.result is not None and self.reset.result.clear

@@ -17,7 +17,7 @@ from calstation.config import load_station
 from calstation.errors import CalstationError
 from calstation.gui.operator import OperatorPage
 from calstation.gui.shell.stop_guard import StopGuard
-from calstation.gui.state import AppContext, ChamberNotice, Page, RolePanel, RunStrip, run_title
+from calstation.gui.state import AppContext, ChamberNotice, Page, RolePanel, RunStrip, TableNotice, run_title
 from calstation.gui.text import bind, language, on_language_change, say, station_text
 from calstation.gui.widgets import PANEL, PageArea, button, column, label, padlock_icon, row, theme, theme_icon
 
@@ -78,7 +78,8 @@ class _Tab(QWidget):
     def create_page(self) -> Page:
         self._page = page = self._create(self._app)
         notice = row(margins=(2 * theme.GRID, 0, 2 * theme.GRID, 0))
-        column(notice, (PageArea(page), 1), on=self, margins=(0, _STRIP_HEIGHT, 0, 0))
+        table = TableNotice(self._app, f"{self.objectName()}_", self)
+        column(table, notice, (PageArea(page), 1), on=self, margins=(0, _STRIP_HEIGHT, 0, 0))
         if page.header is not None:  # other pages show the chamber in the strip
             chamber = ChamberNotice(self._app.run, f"{self.objectName()}_")
             notice.addWidget(chamber)
@@ -319,7 +320,8 @@ class MainWindow(QMainWindow):
         self.create_engineer_page()
         if running or not self._closing:
             return
-        if self.app.run.chamber.must_stay_closed:  # nothing else says that its temperature is not known
+        run = self.app.run
+        if run.chamber.must_stay_closed or run.stop_incomplete:  # nothing else says that they may be dangerous
             self._closing = False
         else:
             self.close()

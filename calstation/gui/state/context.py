@@ -70,6 +70,9 @@ class AppContext(QObject):
         self.exchange_state: ExchangeState | None = None
         #: Serial numbers of the units that are claimed in the shared database, with their operators.
         self.claimed: Mapping[str, str | None] = {}
+        self.run.stop_incomplete_changed.connect(self._store_stop_incomplete)
+        self.station_changed.connect(self._restore_stop_incomplete)
+        self._restore_stop_incomplete()
         self.runs_folder = runs_folder or Path(str(self.settings.value("runs_folder", "runs")))
 
     def job(
@@ -181,6 +184,22 @@ class AppContext(QObject):
         self.windows.leave()
         self.engine_link.close()
         self.job_queue.close()
+
+    @property
+    def _incomplete_stops(self) -> set[str]:
+        """Station files whose table may still move after a safe stop."""
+        return set(filter(None, str(self.settings.value("incomplete_stops", "")).split("\n")))
+
+    def _store_stop_incomplete(self, incomplete: bool) -> None:
+        """Store for the next start of the window whether the table of the station may still move."""
+        here, stations = {str(self.station_path)}, self._incomplete_stops
+        self.settings.setValue(
+            "incomplete_stops", "\n".join(sorted(stations | here if incomplete else stations - here))
+        )
+        self.settings.sync()
+
+    def _restore_stop_incomplete(self) -> None:
+        self.run.set_stop_incomplete(str(self.station_path) in self._incomplete_stops)
 
     def _last_station(self) -> Path | None:
         """Return the station file selected last on the station page, or None if it no longer exists."""

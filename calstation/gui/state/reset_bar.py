@@ -70,6 +70,8 @@ class ResetBar(QWidget):
         self.result, self._error = result, error
         if result is not None:
             self.offered = not result.clear
+            if result.clear:
+                self._app.run.set_stop_incomplete(False)
         self._show()
         self.changed.emit()
         if result is not None:

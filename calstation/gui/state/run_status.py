@@ -1,7 +1,6 @@
 """The status of the run, which is derived from the events of the engine."""
 
 import time
-from collections.abc import Sequence
 from typing import Any
 
 from PySide6.QtCore import QObject, QTimer, Signal
@@ -10,11 +9,10 @@ from calstation.config import RunRequest
 from calstation.errors import CalstationError
 from calstation.gui.state.chamber_status import ChamberStatus
 from calstation.gui.state.engine_link import EngineLink
-from calstation.gui.state.unit_status import TRANSFER, StageState, UnitStatus
+from calstation.gui.state.unit_status import TRANSFER, StageState, UnitStatus, completed_stages, stage_rows
 from calstation.gui.text import rendered, say
 from calstation.messages import Text
 from calstation.records import Verdict, can_be_resumed
-from calstation.results import History
 from calstation.runs import RunSummary, run_summary
 from calstation.sequencer import (
     DURATION,
@@ -71,6 +69,7 @@ class RunStatus(QObject):
     changed = Signal()  #: Emitted shortly after a change, once for several events.
     stop_pressed = Signal()  #: Emitted whenever STOP is pressed, in any state.
     unit_changed = Signal()  #: Emitted when another unit is selected.
+    stop_incomplete_changed = Signal(bool)  #: Emitted with the new value of `stop_incomplete`.
     chamber_acknowledged = Signal()  #: Emitted when the notice about the chamber after a run has been closed.
 
     def __init__(self, link: EngineLink, parent: QObject | None = None) -> None:
@@ -329,6 +328,13 @@ class RunStatus(QObject):
         self.state = state
         self.changed.emit()
 
+    def set_stop_incomplete(self, incomplete: bool) -> None:
+        """Set whether the table may still move after a safe stop, which a reset of its fault excludes."""
+        if incomplete != self.stop_incomplete:
+            self.stop_incomplete = incomplete
+            self.stop_incomplete_changed.emit(incomplete)
+            self.changed.emit()
+
     def set_chamber_left(self, left: bool | None) -> None:
         """Set whether an earlier run left the chamber at an unknown temperature; None if this is not known yet."""
         self.chamber.set_left(left)
@@ -356,6 +362,8 @@ class RunStatus(QObject):
             return "question.other_window"
         if self.fault is not None:
             return "operator.fault_open"
+        if self.stop_incomplete:
+            return "operator.table_unconfirmed"
         if self.chamber.must_stay_closed:
             return "operator.chamber_unconfirmed"
         return "operator.chamber_unchecked" if self.chamber.unchecked else ""
@@ -378,7 +386,7 @@ class RunStatus(QObject):
             self.state, self.commanded = "starting", False
             self.register_operation = self._link.operation is not None
             self.fault = self.latest = None
-            self.stop_incomplete, self.resumable = False, request.resume is not None
+            self.resumable = request.resume is not None
             self.chamber = ChamberStatus()
             self.registers = self.stage_ending = ""
             self.unloading = self.pause_requested = False
@@ -409,7 +417,7 @@ class RunStatus(QObject):
             for unit in units:
                 unit.stages = [StageState(TRANSFER, DURATION) for row in unit.stages if row.name == TRANSFER]
         elif request.resume is not None:
-            completed = _completed_stages(request, units)
+            completed = completed_stages(request, units)
             for row in (row for unit in units for row in unit.stages if row.name in completed):
                 row.solve("good")
         return units
@@ -425,7 +433,7 @@ class RunStatus(QObject):
         if can_be_resumed([{"event": type(event).__name__}]):
             self.resumable = True
         if isinstance(event, Message) and event.id == "safe_stop_incomplete" and event.values.get("table"):
-            self.stop_incomplete = True
+            self.set_stop_incomplete(True)
         if isinstance(event, ChamberChanged):
             self._show_soak_to_verify(event)
             if self.chamber.must_stay_closed:
@@ -489,19 +497,3 @@ class RunStatus(QObject):
             self._paused_at = now
         elif not paused and self._paused_at:
             self._paused, self._paused_at = self._paused + now - self._paused_at, 0.0
-
-
-def _completed_stages(request: RunRequest, units: Sequence[UnitStatus]) -> tuple[str, ...]:
-    """Return the stages that the resumed runs of all units have completed, according to the index."""
-    history = History(request.out)
-    logs = {log.name for log in (*request.resumes, request.resume) if log is not None}
-    records = [record for unit in units for record in history.of(unit.serial) if record.log.name in logs]
-    return min((record.stages for record in records), key=len, default=())
-
-
-def stage_rows(run_summary: RunSummary) -> list[StageState]:
-    """Return the initial states of the stages of a run and, if the unit has registers, of the transfer."""
-    rows = [StageState(s.name, s.duration) for s in run_summary.stages]
-    if run_summary.transfer is not None:
-        rows.append(StageState(TRANSFER, run_summary.transfer))
-    return rows

@@ -54,7 +54,7 @@ class RunStrip(QWidget):
         run = self._run
         waits = not self._ready and run.display_state == "idle" and run.elsewhere is None
         closed = run.chamber.must_stay_closed
-        title = term("badge", "not_ready") if waits and not closed else run_title(run)
+        title = term("badge", "not_ready") if waits and not (closed or run.stop_incomplete) else run_title(run)
         self._badge.show_state(run_badge(run)[0], title)
         parts = []
         if run.stage is not None:
@@ -86,10 +86,12 @@ def run_badge(run: RunStatus) -> tuple[str, str]:
     """Return the shape and the text of the badge of a run.
 
     In another window of the station, it is the run of the first one. The text states whether a run in progress is
-    partial. After a run of several units, it counts the outcomes, and the shape is that of the worst. A chamber that
-    must stay closed comes first.
+    partial. After a run of several units, it counts the outcomes, and the shape is that of the worst. A table that may
+    still move and a chamber that must stay closed come first.
     """
     kind, text = _state_badge(run)
+    if run.stop_incomplete:
+        return "bad", term("badge", "table_unsafe")
     if not run.chamber.must_stay_closed:
         return kind, text
     closed = term("badge", "chamber_closed")

@@ -1,13 +1,15 @@
 """The status of a unit in a run, which is derived from the events of the engine."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from calstation.config import RunRequest
 from calstation.physics import GROUPS, INDEX, PARAMETERS
 from calstation.records import Verdict
-from calstation.results import Result
+from calstation.results import History, Result
+from calstation.runs import RunSummary
 from calstation.sequencer import (
     DURATION,
     Event,
@@ -141,6 +143,11 @@ class UnitStatus:
         return not own_fault and (self.verdict is None or not self.verdict.judged)
 
     @property
+    def unverified(self) -> bool:
+        """Whether registers were written to the unit but not verified, on which the operator has to decide."""
+        return any(message == "transfer_unproved" for message, _ in self.remarks)
+
+    @property
     def failed(self) -> bool:
         """Whether the unit failed or had its own fault, so that it may be calibrated again in its slot."""
         return self.verdict is Verdict.FAILED or (self.fault is not None and bool(self.fault.slot))
@@ -245,3 +252,19 @@ class UnitStatus:
     def _row(self, name: str) -> StageState:
         """Return the row of a stage, or a new row if the stage is not in `stages`."""
         return next((s for s in self.stages if s.name == name), StageState(name, 0.0))
+
+
+def stage_rows(run_summary: RunSummary) -> list[StageState]:
+    """Return the initial states of the stages of a run and, if the unit has registers, of the transfer."""
+    rows = [StageState(s.name, s.duration) for s in run_summary.stages]
+    if run_summary.transfer is not None:
+        rows.append(StageState(TRANSFER, run_summary.transfer))
+    return rows
+
+
+def completed_stages(request: RunRequest, units: Sequence[UnitStatus]) -> tuple[str, ...]:
+    """Return the stages that the resumed runs of all units have completed, according to the index."""
+    history = History(request.out)
+    logs = {log.name for log in (*request.resumes, request.resume) if log is not None}
+    records = [record for unit in units for record in history.of(unit.serial) if record.log.name in logs]
+    return min((record.stages for record in records), key=len, default=())

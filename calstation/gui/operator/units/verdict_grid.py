@@ -13,7 +13,7 @@ from calstation.gui.operator.production import CertificatesButton, LabelButton
 from calstation.gui.operator.units.banner import Banner
 from calstation.gui.operator.units.tiles import COLUMNS, Tile, arrange_in_slots, pass_clicks, place_text
 from calstation.gui.state import AppContext, UnitStatus, run_badge
-from calstation.gui.text import fault_text, say
+from calstation.gui.text import fault_text, say, term
 from calstation.gui.widgets import (
     PANEL,
     ElidedLabel,
@@ -69,6 +69,11 @@ class _VerdictTile(Tile):
         whole = advice.reason(outcome, unit.result), advice.next_action(outcome, unit.result)
         if state == "released":
             brief, whole = (brief[0], say("advice.released")), (whole[0], say("advice.released"))
+        if unit.unverified:
+            brief, whole = (
+                (brief[0], term("advice_brief", "decide_registers")),
+                (whole[0], say("advice.decide_registers")),
+            )
         if unit.fault is not None:
             fault = fault_text(unit.fault, engineer=False)
             brief = whole = (fault.text, fault.remedy)
@@ -153,6 +158,8 @@ class VerdictGrid(QFrame):
             return say("advice.stop_incomplete")
         if self._run.chamber.must_stay_closed:
             return say("operator.chamber_unconfirmed")
+        if any(unit.unverified for unit in self._run.units):
+            return say("advice.decide_registers_units")
         unfinished = [unit for unit in self._run.units if unit.unfinished]  # also after a fault of the table
         if unfinished and self._run.resumable:
             return say("advice.resume_units")
