@@ -113,13 +113,14 @@ class StageTracker:
         self._step_begin, self._step = now, seconds
 
     def end(self, sigma: Mapping[str, FloatArray]) -> None:
-        """End the step; `sigma` contains the standard deviations reached in every slot, shape (30,), SI."""
+        """End the step; `sigma` contains the standard deviations reached in every slot, shape (30,), SI.
+
+        Infinite ones, which are unknown, are not shown.
+        """
         self._done += self._step
         self._step = 0.0
-        self._sigma = {
-            slot: {group: float(np.max(values[group_indices(group)])) for group in GROUPS}
-            for slot, values in sigma.items()
-        }
+        largest = {slot: {g: float(np.max(values[group_indices(g)])) for g in GROUPS} for slot, values in sigma.items()}
+        self._sigma = {slot: {g: s for g, s in groups.items() if np.isfinite(s)} for slot, groups in largest.items()}
 
     def revise(self, now: float, remaining: float) -> None:
         """Set the time left of the current step, s, at station time `now`."""

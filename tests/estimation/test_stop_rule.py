@@ -63,3 +63,14 @@ def test_stage_ends_with_sigmas_within_its_targets(recorded: tuple[LogMeta, Samp
     fed = feed_until_targets(chain, block, schedule)
     assert fed.step[-1] == 8
     assert targets_reached(chain.finish().posterior.sigma, schedule.targets)
+
+
+def test_stage_does_not_end_before_its_first_rest(recorded: tuple[LogMeta, SampleBlock]) -> None:
+    meta, block = recorded
+    chain = started(meta, 1.0)
+    assert np.isinf(chain.sigma()).all()
+    chain.feed(block.part(0, 50))
+    assert np.isinf(chain.sigma()).all(), "no solution is possible yet"
+    chain.feed(block.part(50, int(np.flatnonzero(np.diff(block.step))[0]) + 1))
+    assert targets_reached(chain.sigma(), {"outer_lever_x": 1.0})
+    assert np.isfinite(chain.finish().posterior.sigma).all()

@@ -9,7 +9,7 @@ from calstation.config import RunRequest, library
 from calstation.records import open_log
 from calstation.results import resolve
 from calstation.sequencer import Command, Message, StageEnded, StageProgress, StateChanged, StepStarted
-from tests.site_folder import SiteFolder
+from tests.site_folder import PRODUCT, SiteFolder
 
 MOVES = [
     [0.0, 0.0, 6.0],
@@ -118,3 +118,22 @@ def test_fast_product_passes_within_its_time(tmp_path: Path, name: str, seconds:
     (stage,) = folder.events_of(StageEnded)
     assert stage.reason == "targets"
     assert samples / 200.0 <= seconds + 0.4 * stage.rounds  # a bench at full speed is polled every 0.4 s
+
+
+@pytest.mark.long
+def test_stage_that_meets_its_targets_from_the_start_ends_after_its_first_rest(designed: SiteFolder) -> None:
+    write(designed, {"moves": [[0.0, 0.0, 0.0], [90.0, 0.0, 3.0], *MOVES[1:]], "targets": {"gyro_bias": 1.0}})
+    ended = designed.run()
+    (stage,) = designed.events_of(StageEnded)
+    assert (stage.reason, stage.rounds) == ("targets", 2), "nothing can be solved before the first rest"
+    assert {s["stage"] for s in ended.result["stages"]} == {"designed"}
+    assert resolve(Path(ended.log)).result.to_json()["parameters"] == ended.result["parameters"]
+
+
+@pytest.mark.long
+def test_repeated_stages_that_meet_their_targets_from_the_start_end_after_a_round(site_folder: SiteFolder) -> None:
+    schedule = {stage: {**values, "rounds": 0} for stage, values in PRODUCT["schedule"].items() if "rounds" in values}
+    site_folder.write({"stages": ["excitation", "azimuth_flip"], "schedule": schedule, "targets": {"gyro_bias": 1.0}})
+    ended = site_folder.run()
+    assert [(s.reason, s.rounds) for s in site_folder.events_of(StageEnded)] == [("targets", 1)] * 2
+    assert resolve(Path(ended.log)).result.to_json()["parameters"] == ended.result["parameters"]

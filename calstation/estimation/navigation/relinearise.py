@@ -103,9 +103,7 @@ def solve_navigation(
             solver.iterate(list(initial.starts), list(initial.attitudes), initial.point),
             azimuth_free=initial.azimuth_free,
         )
-    segments = starts(data, context, prior)
-    if not segments:
-        raise no_rest_error(data, context.imu, prior)
+    segments = _aligned(data, context, prior)
     free = any(s.azimuth_sigma is not None for s in segments)
     ambiguous = any((s.azimuth_sigma or 0.0) > AMBIGUOUS_AZIMUTH_SIGMA for s in segments)
     pass_progress = _PassProgress(progress, USUAL_PASSES * (1 + free) + AZIMUTH_CANDIDATES * ambiguous)
@@ -119,6 +117,14 @@ def solve_navigation(
         point, attitudes = initial.point, list(initial.attitudes)
         segments = [replace(n, prior_sigma=s.prior_sigma) for n, s in zip(narrow, segments, strict=True)]
     return replace(solver.iterate(segments, attitudes, point), azimuth_free=free)
+
+
+def _aligned(data: StageData, context: SolveContext, prior: Posterior) -> list[Start]:
+    """Return the starts of the segments. Raises InsufficientDataError if there is none."""
+    segments = starts(data, context, prior)
+    if not segments:
+        raise no_rest_error(data, context.imu, prior)
+    return segments
 
 
 @dataclass
@@ -257,6 +263,8 @@ def first_pass(
 ) -> NavigationResult:
     """Return one pass about parameters near the solution, for its covariances.
 
+    Raises InsufficientDataError if no segment contains a rest for alignment.
+
     Parameters
     ----------
     data, context, prior : samples of the stage, noise of the profiles, estimate before the stage
@@ -264,7 +272,7 @@ def first_pass(
     point : parameters near the solution, SI, shape (30,)
     """
     solver = _Relinearisation(data, context, prior, estimated, _PassProgress(None, USUAL_PASSES))
-    segments = starts(data, context, prior)
+    segments = _aligned(data, context, prior)
     attitudes = [s.attitude for s in segments]
     run, _ = solver.one_pass(ReferencePass, point, segments, attitudes)
     return NavigationResult(

@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from calstation.errors import InsufficientDataError
 from calstation.estimation.common import (
     ImuModel,
     PlannedSamples,
@@ -107,14 +108,15 @@ class NavigationStage(StageSolver):
         """Return the current standard deviations of the 30 parameters, SI, shape (30,).
 
         Once all of them are within their targets, they are those of a solution, with the effects in the unit's model,
-        and with the noise measured at rest if it is larger than that of the profiles.
+        and with the noise measured at rest if it is larger than that of the profiles. They are then infinite while no
+        solution is possible, such as before the first rest of a stage that meets its targets from the start.
         """
         sigma = self._live.sigma()
         if not self._targets or not targets_reached(sigma, self._targets):
             return sigma
         data = self.buffer.data()
         if not len(data):
-            return sigma
+            return np.full(COUNT, np.inf)
         if self._near_targets is None or self._near_targets[0] != len(data):
             measured = rest_noise(data, self.context, self.prior.gyro_bias)
             table = float(np.sqrt(np.nan_to_num(measured.table, nan=1.0)))
@@ -124,11 +126,11 @@ class NavigationStage(StageSolver):
         return self._near_targets[1]
 
     def _sigma_with_effects(self, data: StageData) -> FloatArray:
-        """Return the sigmas of a solution with the effects in the model, SI, shape (30,); infinite if it diverges."""
+        """Return the sigmas of a solution with the effects in the model, SI, shape (30,); infinite without one."""
         mask = np.array([name in self.estimated for name in NAMES])
         try:
             result = first_pass(data, self.context, self.prior, mask, self._live.mean)
-        except (np.linalg.LinAlgError, ZeroDivisionError):  # the parameters of the live filter are absurd
+        except (InsufficientDataError, np.linalg.LinAlgError, ZeroDivisionError):  # no rest yet, or absurd parameters
             return np.full(COUNT, np.inf)
         if not np.isfinite(result.history.nis).all():
             return np.full(COUNT, np.inf)
