@@ -21,6 +21,7 @@ from calstation.estimation.common.by_position import normal_deviate
 from calstation.estimation.common.residuals import upward_axis
 from calstation.judgement import Check
 from calstation.messages import sentence
+from calstation.physics import INDEX
 
 
 class Stage:
@@ -87,6 +88,10 @@ def test_force_error_in_one_rest_is_reported_with_its_size(stage: Stage) -> None
     assert solution.diagnosis is not None
     assert solution.diagnosis.cause == "excess_shift"
     assert solution.diagnosis.size == pytest.approx(3e-3, abs=4.0 * solution.diagnosis.sigma)
+    change = (solution.posterior.mean - stage.solved(stage.block).posterior.mean) / solution.posterior.sigma
+    shift = solution.diagnosis.parameter_shift
+    assert [change[INDEX[name]] for name in shift] == pytest.approx(list(shift.values()), rel=0.2, abs=1.0)
+    assert max(map(abs, shift.values())) > 3.0
     text = cause(stage, solution)
     assert "comes from rest 4 (-z up, outer 1" in text
     assert "the accelerometer x deviates by 3" in text

@@ -139,7 +139,7 @@ def test_state_that_absorbs_another_effect_fails(
     assert [other.cause for other in changed.alike] == alike
     if fails:
         assert changed.test.diagnosis.values["other"] == "time_skew"
-        assert changed.test.diagnosis.parameter_shift["gyro_bias_x"] == pytest.approx(sigmas)
+        assert changed.test.diagnosis.parameter_shift["gyro_bias_x"] == pytest.approx(-sigmas)
 
 
 def test_state_without_evidence_has_no_alternatives() -> None:

@@ -119,14 +119,18 @@ FAST, G = np.deg2rad(100.0), 9.8
 def test_unmodelled_effect_fails_and_is_reported(mems, effect, size, error):
     primary, secondary, block = mems
     context = context_of(primary, [secondary])
-    (_, test) = solved(
-        with_error(block, context, lambda w, f: size * error(w, f)), context, primary_errors(primary)
-    ).tests
+    sound = solved(block, context, primary_errors(primary))
+    changed = solved(with_error(block, context, lambda w, f: size * error(w, f)), context, primary_errors(primary))
+    (_, test) = changed.tests
     assert (test.kind, test.diagnosis.cause, test.diagnosis.values["effect"]) == ("effects", "pair_effect", effect)
     assert test.value > test.limit
     assert test.diagnosis.size == pytest.approx(
         size, rel=0.15, abs=4.0 * test.diagnosis.sigma
     )  # the measured values are filtered
+    shift = test.diagnosis.parameter_shift
+    worst = max(shift, key=lambda name: abs(shift[name]))
+    before, after = sound.estimates[worst], changed.estimates[worst]
+    assert (after.value - before.value) / after.sigma == pytest.approx(shift[worst], rel=0.3, abs=4.0)
 
 
 def test_drift_during_the_recording_fails_and_is_reported(mems):

@@ -46,7 +46,7 @@ class LocalScores:
 
     score: FloatArray  #: SI, shape (6 k,).
     information: FloatArray  #: SI, shape (6 k, 6 k).
-    shift: FloatArray  #: Shift of the 30 parameters per unit of each error, SI, shape (30, 6 k).
+    shift: FloatArray  #: Shift of the 30 parameters, estimate minus truth, per unit of each error, SI, shape (30, 6 k).
     span_score: FloatArray  #: `score` from the innovations of the same span only, SI, shape (k, 6).
     span_information: FloatArray  #: `information` from the innovations of the same span only, SI, shape (k, 6, 6).
 

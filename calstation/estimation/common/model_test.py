@@ -30,7 +30,8 @@ class Diagnosis:
     size: float = math.nan  #: Estimated size, in `unit`; NaN if there is none.
     sigma: float = math.nan  #: Standard deviation of `size`.
     unit: str = "1"  #: SI
-    #: Shift of each parameter, in its sigmas, by name.
+    #: Shift of each parameter by the cause, estimate minus truth, in its sigmas, by name; of tests that compare two
+    #: estimates, the difference of these.
     parameter_shift: Mapping[str, float] = field(default_factory=dict)
     values: Mapping[str, Any] = field(default_factory=dict)  #: Further values of the message, JSON values.
 

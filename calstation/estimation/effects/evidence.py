@@ -31,7 +31,8 @@ class EffectEvidence:
     size: float  #: Estimated size of the component, in `unit`.
     sigma: float
     unit: str
-    parameter_shift: dict[str, float]  #: Error of each estimated parameter due to the effect, in its sigmas.
+    #: Shift of each estimated parameter by the effect, estimate minus truth, in its sigmas.
+    parameter_shift: dict[str, float]
     largest_size: float  #: Largest size of a component in its prior sigmas.
     remaining: "EffectEvidence | None" = None  #: The likeliest other effect in addition to this one, if it was tested.
 
@@ -132,8 +133,8 @@ class StateEvidence:
         return [other for other in self.others if other.excess > self.state.excess - MAX_CHI2_DIFFERENCE]
 
     def _shifts(self, other: EffectEvidence) -> dict[str, float]:
-        """Return the differences of the parameters if the other effect is in the data, in sigmas."""
-        return {name: other.parameter_shift[name] - shift for name, shift in self.state.parameter_shift.items()}
+        """Return the parameters with the other effect in the model minus those with the state, in sigmas."""
+        return {name: shift - other.parameter_shift[name] for name, shift in self.state.parameter_shift.items()}
 
     def _shift(self, other: EffectEvidence) -> float:
         return max(map(abs, self._shifts(other).values()), default=0.0)

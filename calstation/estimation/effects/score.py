@@ -319,7 +319,7 @@ class EffectTests:
             total = sums @ size
         k = int(np.argmax(np.abs(total) / np.where(sums @ tested > 0.0, sigmas, np.inf)))
         best, names = int(np.argmax(sums[k])), tuple(self._parameters)
-        shift = (error @ size / np.where(sigma > 0.0, sigma, np.inf))[[INDEX[name] for name in names]]
+        shift = -(error @ size / np.where(sigma > 0.0, sigma, np.inf))[[INDEX[name] for name in names]]
         largest = float(np.max(np.abs(size) / np.where(tested, plausible, np.inf)))
         return EffectEvidence(
             effect.cause, effect.components[best], effect.parameter_of(best), candidate.stage,

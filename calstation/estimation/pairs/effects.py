@@ -121,7 +121,7 @@ def _evidence(
     size, size_covariance = solution[k:], covariance[k:, k:] + bias_drift.get(group, 0.0) * np.eye(len(solution) - k)
     best = int(np.argmax(np.abs(size) / np.sqrt(np.diag(size_covariance))))
     base_solution = np.linalg.solve(normal[:k, :k], gradient[:k])
-    shift = dict(zip(names, ((solution[:k] - base_solution) / sigma).tolist(), strict=True))
+    shift = dict(zip(names, ((base_solution - solution[:k]) / sigma).tolist(), strict=True))
     changed_parameter = parameter = candidate.parameter_of(best)
     if parameter:
         axis_name = parameter[-1]
