@@ -31,6 +31,7 @@ from calstation.devices.profiles import ChamberProfile, FrameSection, ImuProfile
 from calstation.errors import ConfigurationError
 from calstation.messages import Text, os_reason
 from calstation.parsing import MAX_TOML, parse_toml, read_limited
+from calstation.physics import NAMES, entry_of, parameter_indices
 from calstation.schema import KeyPath, Problem, problems_of, read_toml, toml_error
 from procedures import method
 
@@ -105,28 +106,39 @@ def check(kind: str, text: str, path: Path | None = None) -> list[Problem]:
 def warnings(kind: str, text: str) -> list[Problem]:
     """Return what is probably wrong in a valid text of a product.
 
-    These are limits that no stage of the product can judge, and limits of a value that are narrower than those of its
-    sigma.
+    These are limits that no stage of the product can judge, limits of a value that are narrower than those of its
+    sigma, and sigmas at which a stage may end that are above the limit.
     """
     if kind != "products":
         return []
     data = parse_toml(text)
-    problems = []
     product = ProductConfig.model_validate(data)
+    texts = [*_unjudged_limits(product), *_limits_below_sigma(product), *_targets_above_limit(product)]
+    return [Problem(key_path, "warning", what, line_of(text, key_path), data) for key_path, what in texts]
+
+
+def _unjudged_limits(product: ProductConfig) -> Iterator[tuple[KeyPath, Text]]:
     with suppress(ConfigurationError):  # the error is shown for the profile's own file
         for name in unjudged_limits(product, load_imu_profile(library.find("imus", product.imu))):
-            key_path: KeyPath = ("limits", name)
-            what = Text.of("limits.no_stage", parameter=name, stages=product.stages)
-            problems.append(Problem(key_path, "warning", what, line_of(text, key_path), data))
+            yield ("limits", name), Text.of("limits.no_stage", parameter=name, stages=product.stages)
+
+
+def _limits_below_sigma(product: ProductConfig) -> Iterator[tuple[KeyPath, Text]]:
     for name, limit in product.limits.items():
         if limit.interval is None or limit.sigma_below is None:
             continue
         half = (limit.interval[1] - limit.interval[0]) / 2.0
         if half < limit.sigma_below:
-            key_path = ("limits", name, "within")
             what = Text.of("limits.narrower_than_sigma", half=half, sigma=limit.sigma_below)
-            problems.append(Problem(key_path, "warning", what, line_of(text, key_path), data))
-    return problems
+            yield ("limits", name, "within"), what
+
+
+def _targets_above_limit(product: ProductConfig) -> Iterator[tuple[KeyPath, Text]]:
+    for target, sigma in product.targets.items():
+        entries = [entry_of(product.limits, NAMES[i]) for i in parameter_indices(target)]
+        smallest = min((e.sigma_below for e in entries if e is not None and e.sigma_below is not None), default=sigma)
+        if sigma > smallest * (1.0 + 1e-9):
+            yield ("targets", target), Text.of("limits.target_above_sigma", target=sigma, sigma=smallest)
 
 
 def check_data(kind: str, data: Mapping[str, Any], path: Path | None = None) -> list[Problem]:

@@ -222,6 +222,20 @@ def test_value_limit_below_its_sigma_limit_is_pointed_out_and_may_be_saved(forms
     assert "小于其标准差限差" in forms.problems()[0]
 
 
+def test_stop_sigma_above_the_sigma_limit_is_pointed_out_and_may_be_saved(forms: FormDriver) -> None:
+    forms.open("products", "mems_c", "Limits")
+    forms.enter("gyro bias", "Stop at sigma", "3")
+    assert forms.problems() == []
+    forms.enter("gyro bias", "Stop at sigma", "9")
+    (sentence,) = forms.problems()
+    assert sentence.startswith(
+        "Gyro bias, Stop at sigma (°/h): A stage may end at a sigma of 9, above the limit of 3.919;"
+    )
+    assert "[targets]" in forms.save()
+    language.use("zh_CN")
+    assert "大于限差 3.919" in forms.problems()[0]
+
+
 def test_limit_beyond_the_register_range_is_explained_in_display_units(forms: FormDriver) -> None:
     forms.open("products", "mems_c", "Limits")
     forms.enter("gyro bias", "Highest", "30000")
