@@ -39,7 +39,7 @@ from calstation.results.pairs import (
     progress_from_note,
     watch_log,
 )
-from calstation.results.preview import Preview, Violation, compute_preview
+from calstation.results.preview import Preview, StagePreview, Violation, compute_preview
 from calstation.results.resolving import (
     FinishedRun,
     Resolved,

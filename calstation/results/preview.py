@@ -20,9 +20,11 @@ from calstation.physics import (
     NAMES,
     FloatArray,
     GimbalTurn,
+    GimbalZero,
     ManualMove,
     Move,
     RoundEnd,
+    Soak,
     Step,
     move_time,
     parameter_indices,
@@ -43,6 +45,14 @@ _POINTS_PER_MOVE = 9
 #: Assumed mounting error in units of the profile's mount sigma. With a perfect fixture, scale factors and misalignments
 #: would be slightly more observable than with any real one.
 _MOUNT = np.full(3, 0.3)
+
+#: Reason why no sigma of a stage with such a step can be predicted.
+_UNPREDICTABLE: Mapping[type[Step], str] = {
+    ManualMove: "preview.manual_motion",
+    GimbalZero: "preview.gimbal_motion",
+    GimbalTurn: "preview.gimbal_motion",
+    Soak: "preview.over_temperature",
+}
 
 #: Maximum progress reported before the last stage is solved.
 _MAX_FEED_PROGRESS = 0.95
@@ -74,10 +84,11 @@ class StagePreview:
     #: Reason for its end: plan, rounds, duration, targets or operator; "" if it exceeds `MAX_ROUNDS`.
     reason: str
     rounds: int  #: Complete rounds.
-    moves: int  #: Number of moves of the table.
+    moves: int  #: Number of moves of the table, by hand or of the gimbal.
     estimated: tuple[str, ...]  #: Names of the estimated parameters.
     sigma: FloatArray | None = None  #: Sigmas of the parameters at its end, SI, shape (30,); None if not computed.
     error: Text | None = None  #: Reason why `sigma` was not computed.
+    predictable: bool = True  #: Whether `sigma` can be predicted; if not, the run can nevertheless be solved.
     observability: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -99,6 +110,7 @@ class Preview:
     step_labels: Mapping[int, tuple[str | float, ...]] = field(default_factory=dict)
     #: Parameters whose check the run fails, because its data do not determine them.
     undetermined: tuple[str, ...] = ()
+    partial: bool = False  #: Whether the run omits stages of the product.
 
     @property
     def duration(self) -> float:
@@ -167,6 +179,7 @@ class _Previewer:
             travel=((limits.low[0], limits.high[0]), (limits.low[1], limits.high[1])),
             step_labels=self._labels,
             undetermined=tuple(undetermined(chain.prior, chain.solutions, calibrated)) if solve else (),
+            partial=is_partial(self._meta),
         )
 
     def _check(self, plan: StagePlan, violations: list[Violation]) -> float:
@@ -208,7 +221,7 @@ class _Previewer:
         """Simulate a stage; `expected` is the approximate duration of the run, s."""
         begin = self._clock
         moves, rounds, reason = 0, 0, "plan"
-        error: Text | None = None
+        unpredictable: str | None = None
         if solve:
             self._chain.start(plan.name)
         try:
@@ -220,12 +233,9 @@ class _Previewer:
                         reason = ending
                         break
                 else:
-                    if isinstance(step, ManualMove):
-                        error = Text("preview.manual_motion")
-                    elif isinstance(step, GimbalTurn):
-                        error = Text("preview.gimbal_motion")
-                    moves += isinstance(step, Move)
-                    self._step(step, plan.name if solve else "")
+                    unpredictable = unpredictable or _UNPREDICTABLE.get(type(step))
+                    moves += isinstance(step, Move | ManualMove | GimbalTurn)
+                    self._step(step, plan.name if solve and not unpredictable else "")
                     self._report(_MAX_FEED_PROGRESS * self._clock / expected if expected else 0.0, note=plan.name)
         except ConfigurationError:
             reason = ""  # `_check` has already reported the reason
@@ -233,8 +243,8 @@ class _Previewer:
         stage = StagePreview(plan.name, begin, self._clock, reason, rounds, moves, estimated)
         if not solve:
             return stage
-        if error is not None:
-            return replace(stage, error=error)
+        if unpredictable is not None:
+            return replace(stage, error=Text(unpredictable), predictable=False)
         try:
             solution = self._chain.finish()
         except (InsufficientDataError, InputError) as unusable:

@@ -40,8 +40,7 @@ from calstation.judgement import Check
 from calstation.messages import Text
 from calstation.records import audit_path, open_log, read_audit
 from calstation.registers import journal as register_journal
-from calstation.results import SCHEMA, FinishedRun, Parameter, Preview, Result
-from calstation.results.preview import StagePreview
+from calstation.results import SCHEMA, FinishedRun, Parameter, Preview, Result, StagePreview
 from tests.check_rows import check_row
 from tests.gui.conftest import SERIAL, Operator, SiteFolder
 from tests.site_folder import PRODUCT
@@ -613,6 +612,38 @@ def test_preview_without_limits_does_not_call_them_reached(
     language.use(words)
     view._done(Preview((stage,), none, none, none, (), sigma, limits, {}, ((-1.0, 1.0), (-1.0, 1.0))))
     assert any(text in label.text() for label in view.findChildren(QLabel))
+
+
+@pytest.mark.parametrize(
+    ("words", "badge", "reason", "selection"),
+    [
+        (
+            "en",
+            "sigmas cannot be predicted",
+            "The drifts of a gimbal cannot be predicted.",
+            "of this selection",
+        ),
+        ("zh_CN", "标准差无法预估", "框架的漂移无法预估", "所选阶段的标准差全部满足限差"),
+    ],
+)
+def test_preview_without_prediction_is_neutral_and_a_partial_one_names_its_selection(
+    app: AppContext, qtbot: QtBot, words: str, badge: str, reason: str, selection: str
+) -> None:
+    none, sigma, travel = np.zeros(0), np.ones(30), ((-1.0, 1.0), (-1.0, 1.0))
+    view = PreviewView(app, lambda: RunRequest(""))
+    qtbot.addWidget(view)
+    view.show()
+    language.use(words)
+    error, flat = Text("preview.gimbal_motion"), np.zeros(2)
+    unknown = StagePreview("gimbal", 0.0, 1.0, "plan", 0, 18, ("gyro_bias_x",), error=error, predictable=False)
+    view._done(Preview((unknown,), flat, flat, flat, (), sigma, {"gyro_bias_x": 2.0}, {}, travel))
+    assert badge in view._badge.text()
+    assert reason in view._ends.text()
+    assert not view._problems.isVisible()
+    assert not view._plot.isVisible()
+    stage = StagePreview("rate", 0.0, 1.0, "plan", 1, 1, ("gyro_bias_x",), sigma)
+    view._done(Preview((stage,), none, none, none, (), sigma, {"gyro_bias_x": 2.0}, {}, travel, partial=True))
+    assert any(selection in label.text() for label in view.findChildren(QLabel))
 
 
 def test_preview_of_a_run_that_leaves_a_parameter_undetermined_does_not_call_it_reached(

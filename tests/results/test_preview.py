@@ -1,11 +1,12 @@
 """A preview gives the sigmas and duration of the run, and all table limits that a plan violates."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from calstation.config import load_configuration
+from calstation.config import RunRequest, library, load_configuration
 from calstation.designer.design import stages_duration
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import profile
@@ -152,3 +153,21 @@ def test_stage_with_detected_rests_is_previewed(site_folder: SiteFolder) -> None
     assert stage.sigma is not None
     for name in stage.estimated:
         assert stage.sigma[INDEX[name]] < 0.2 * preview.before[INDEX[name]], name
+
+
+@pytest.mark.parametrize(
+    ("station", "product", "reason"),
+    [
+        ("virtual_hand", "mems_hand", "preview.manual_motion"),
+        ("virtual_gimbal", "mems_gimbal", "preview.gimbal_motion"),
+        ("virtual_chamber", "mems_c_thermal", "preview.over_temperature"),
+    ],
+)
+def test_stage_whose_sigmas_cannot_be_predicted_is_not_called_unsolvable(
+    tmp_path: Path, station: str, product: str, reason: str
+) -> None:
+    files = library.find("stations", station), library.find("products", product)
+    (stage,) = compute_preview(Progress(), RunRequest("SN-000001", *files, out=tmp_path)).stages
+    assert stage.error is not None
+    assert (stage.sigma, stage.predictable, stage.error.code) == (None, False, reason)
+    assert stage.moves > 3

@@ -32,7 +32,7 @@ from calstation.gui.widgets import (
     time_unit,
 )
 from calstation.physics import INDEX, NAMES, display, limit_number
-from calstation.results import Preview, Violation, compute_preview
+from calstation.results import Preview, StagePreview, Violation, compute_preview
 
 
 class PreviewView(QWidget):
@@ -81,6 +81,7 @@ class PreviewView(QWidget):
     def _done(self, preview: Preview) -> None:
         self.preview, self._outdated = preview, self._next_outdated
         self._plot.show_data(preview)
+        self._plot.setVisible(bool(preview.outer.any() or preview.inner.any()))  # that of a gimbal is unknown
         self._table.setVisible(not preview.violations)
         self._stack.setCurrentIndex(1)
         self._show_texts()
@@ -174,8 +175,10 @@ def _verdict(preview: Preview) -> tuple[str, str]:
     """Return the shape and the text of the badge."""
     if preview.violations:
         return "bad", say("engineer.preview_violations")
-    if any(stage.sigma is None for stage in preview.stages):
+    if any(stage.error is not None and stage.predictable for stage in preview.stages):
         return "bad", say("engineer.preview_unsolved")
+    if any(stage.sigma is None for stage in preview.stages):
+        return "none", say("engineer.preview_unpredictable")
     if preview.undetermined:
         return "bad", say("engineer.preview_undetermined")
     missed = sum(_reached(preview, name) is False for name in _names(preview))
@@ -183,7 +186,7 @@ def _verdict(preview: Preview) -> tuple[str, str]:
         return "caution", say("engineer.preview_missed", missed=missed)
     if not any(name in preview.limits for name in _names(preview)):
         return "none", say("engineer.preview_no_limits")
-    return "good", say("engineer.preview_good")
+    return "good", say("engineer.preview_partial" if preview.partial else "engineer.preview_good")
 
 
 def _problem_texts(preview: Preview) -> list[str]:
@@ -192,20 +195,25 @@ def _problem_texts(preview: Preview) -> list[str]:
     if preview.undetermined:
         problems.append(say("engineer.undetermined", names=preview.undetermined))
     for stage in preview.stages:
-        if stage.error:
-            problems.append(say("common.named", name=term("stage", stage.stage), text=say(stage.error)))
+        if stage.error and stage.predictable:
+            problems.append(_stage_error(stage))
         if stage.reason == "" and not preview.violations:
             problems.append(say("engineer.too_few_rounds", stage=stage.stage, rounds=stage.rounds))
     return problems
 
 
 def _end_texts(preview: Preview) -> list[str]:
-    """Return for every repeated stage a description of the condition that ends it."""
-    return [
+    """Return what ends every repeated stage, and why sigmas cannot be predicted."""
+    ends = [
         say(f"engineer.ends_{stage.reason}", stage=stage.stage, rounds=stage.rounds)
         for stage in preview.stages
         if stage.reason not in ("", "plan")
     ]
+    return ends + [_stage_error(stage) for stage in preview.stages if not stage.predictable]
+
+
+def _stage_error(stage: StagePreview) -> str:
+    return say("common.named", name=term("stage", stage.stage), text=say(stage.error))
 
 
 def _violation_text(violation: Violation) -> str:
