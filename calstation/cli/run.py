@@ -322,7 +322,7 @@ def outcome_text(result: Result) -> Text:
         )
     if verdict is Verdict.FAILED and result.partial:
         left = len(result.not_compared)
-        return Text.of("outcome.partial_failed", stages=result.stages, left=left, limits=result.limits_text)
+        return Text.of("outcome.partial_failed", stages=result.stages, left=left, failure=result.failure)
     if verdict is Verdict.PARTIAL:
         code = "outcome.partial" if written else "outcome.partial_not_written"
         return Text.of(code, stages=result.stages, left=len(result.not_compared))
@@ -336,7 +336,7 @@ def outcome_text(result: Result) -> Text:
         if result.stop_reason in (None, "", "operator"):
             return Text("outcome.stopped_by_operator")
         return Text.of("outcome.stopped_because", reason=result.stop_reason)
-    return Text.of(f"outcome.{verdict}", limits=result.limits_text, within=within)
+    return Text.of(f"outcome.{verdict}", failure=result.failure, within=within)
 
 
 class _Display:

@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 
 SCHEMA = "calstation.result/1"
 
+#: Largest number of failed checks that the verdict names.
+_MAX_NAMED_CHECKS = 3
+
 #: Exceptions that `Result.from_json` raises for JSON that is not a result.
 NO_RESULT = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
 
@@ -377,10 +380,14 @@ class Result(ResultSection):
         return [check for check in self.checks if not check.passed]
 
     @property
-    def limits_text(self) -> Text:
-        """What the failed checks exceed: acceptance limits if the decision rule narrowed the limit of any."""
-        guarded = any(check.acceptance is not None for check in self.failed_checks)
-        return Text("common.acceptance_limits" if guarded else "common.limits")
+    def failure(self) -> Text:
+        """What failed: a limit of a parameter, narrowed if the decision rule narrowed that of any, or the checks."""
+        failed = self.failed_checks
+        if failed and not any(check.kind in ("within", "sigma_below") for check in failed):
+            names = [Text.of(f"check_short.{c.kind}", parameter=c.subject, stage=c.subject) for c in failed]
+            return Text.of("common.checks_failed", count=len(failed), checks=names[:_MAX_NAMED_CHECKS])
+        guarded = any(check.acceptance is not None for check in failed)
+        return Text("common.outside_acceptance_limits" if guarded else "common.outside_limits")
 
     @property
     def missing_state(self) -> Check | None:

@@ -34,7 +34,7 @@ def test_guard_band_applies_to_a_run_and_its_re_solved_log(calstation, tmp_path:
     again = calstation("resolve", log, "--json", "-")
     assert (again.code, again.json["conformity"]) == (1, found)
     shown = calstation("resolve", log).out
-    assert "OUTSIDE the product's acceptance limits." in shown
+    assert "FAILED: outside the acceptance limits." in shown
     rows = {line.split()[0]: line.split() for line in shown.splitlines() if line.startswith("  ") and line.strip()}
     assert rows["accel_quadratic_x"][-3] == "–"  # no value can be accepted
     assert rows["accel_quadratic_x"][-1] == "OUTSIDE"

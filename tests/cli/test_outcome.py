@@ -90,3 +90,29 @@ def passed_result(registers: dict[str, Any] | None, *, not_compared: list[str]) 
             "log": {"file": "SN-1.h5"},
         }
     )
+
+
+@pytest.mark.parametrize(
+    ("kinds", "english", "chinese"),
+    [
+        (
+            ["alternatives"],
+            "FAILED: 1 check failed (effect instead of a state)",
+            "不合格：1 项检查未通过（可代替状态的效应）",
+        ),
+        (
+            ["effects", "heading"],
+            "FAILED: 2 checks failed (effect outside the model, Rate, heading)",
+            "不合格：2 项检查",
+        ),
+        (["effects", "within"], "FAILED: outside the limits", "不合格：超出限差"),
+    ],
+)
+def test_outcome_line_names_the_checks_that_failed_within_the_limits(
+    kinds: list[str], english: str, chinese: str
+) -> None:
+    checks = [check_row(kind, "gyro_scale_x" if kind == "within" else "rate", 9.0, 1.0, passed=False) for kind in kinds]
+    row = {"schema": SCHEMA, "unit": {"serial": "SN-1"}, "stages": [], "outcome": "failed", "parameters": {}}
+    text = outcome_text(Result.from_json({**row, "checks": checks, "log": {"file": "log.h5"}}))
+    assert sentence(text) == english
+    assert sentence(text, "zh_CN").startswith(chinese)

@@ -83,7 +83,7 @@ def test_run_without_its_result_file_keeps_the_reasons_from_its_log(
     path.rename(folder.parent / path.name)
     list_again(page, qtbot)
     details = page.details
-    assert (details.badge.text(), details.reason_label.text()) == ("FAIL", "Outside its limits:")
+    assert (details.badge.text(), details.reason_label.text()) == ("FAIL", "Failed, outside the limits:")
     assert "gyro bias x is 5 °/h; allowed: ±3 °/h" in details.failed_label.text()
     result = button(page, "history_result_button")
     qtbot.mouseClick(result, Qt.MouseButton.LeftButton)

@@ -401,7 +401,7 @@ def test_registers_of_a_failed_unit_are_kept_while_others_are_written(operator: 
     link.event.emit(Message("verifying"))
     for _ in range(9):
         link.event.emit(StepStarted("", 1, "move", ("verify",)))
-    operator.until(lambda: "outside limits, registers kept" in tile(operator, "unit_1_tile").accessibleName())
+    operator.until(lambda: "not passed, registers kept" in tile(operator, "unit_1_tile").accessibleName())
     assert "Transfer" in tile(operator, "unit_2_tile").accessibleName()
     stages = operator.widget("stage_list", QListWidget)
     assert "50 %" in stages.item(stages.count() - 1).data(Qt.ItemDataRole.AccessibleTextRole)

@@ -75,7 +75,7 @@ def resolve(
         unjudged = solved.result.unjudged
         within_limits = "partial" if solved.result.partial else "judged" if unjudged else "passed"
         ending = without_verdict if passed is None else within_limits if passed else "failed"
-        values = {"stages": solved.result.stages, "limits": solved.result.limits_text, "names": unjudged}
+        values = {"stages": solved.result.stages, "failure": solved.result.failure, "names": unjudged}
         out.print(say(f"cli.resolved_{ending}", **values))
         for note in hand_notes(solved.result):
             out.print(note)

@@ -99,7 +99,7 @@ def verdict_badge(result: Result) -> tuple[str, str]:
     if result.outcome != "resolved":
         return KINDS.get(result.verdict, "none"), verdict_text(result)
     kind = {None: "none", True: "partial" if result.partial else "good", False: "bad"}[result.passed]
-    return kind, say(f"engineer.resolved_{kind if result.tested else 'untested'}", limits=result.limits_text)
+    return kind, say(f"engineer.resolved_{kind if result.tested else 'untested'}", failure=result.failure)
 
 
 class ResultView(QWidget):

@@ -336,7 +336,7 @@ class RunDetails(QFrame):
             return ""  # the note on the override states the reason
         if run.verdict.judged and result is not None:
             if result.failed_checks:
-                return say("history.outside_limits", limits=result.limits_text)
+                return say("history.failed", failure=result.failure)
             return advice.reason(result.verdict, result)
         reason = ""
         if run.verdict is Verdict.INCOMPLETE:

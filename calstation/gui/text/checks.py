@@ -72,7 +72,7 @@ def check_text(check: Check) -> CheckText:
 
 def check_name(check: Check | CheckId) -> str:
     """Return a short name of the quantity that a product check compares."""
-    return say(f"check_short.{check.kind}", parameter=parameter_text(check.subject), stage=check.subject)
+    return say(f"check_short.{check.kind}", parameter=check.subject, stage=check.subject)
 
 
 def is_product_check(check: Check) -> bool:

@@ -168,7 +168,7 @@ class UnitTiles(QWidget):
         if run.state == "stopping":
             return KINDS[run.state], term("badge", run.state)
         if unit.keeps_registers:
-            return "bad", say("operator.outside_limits")
+            return "bad", say("operator.registers_kept")
         bad = next((stage for stage in unit.stages if stage.state == "bad"), None)
         stage, ratio = unit.stage, run.sigma_ratio(unit)
         text = ""
