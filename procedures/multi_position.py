@@ -4,7 +4,7 @@ Rests and motions are detected in the data. The rotation of every body axis abou
 gravity.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import Any
 
@@ -33,7 +33,22 @@ from calstation.estimation.positions import (
     positions,
     valid_links,
 )
-from calstation.physics import INNER, JOINTS, NAMES, OUTER, PARAMETERS, Dwell, ManualMove, Move, Step, TableGeometry
+from calstation.messages import Text
+from calstation.physics import (
+    DEGREE,
+    DEGREE_PER_HOUR,
+    INNER,
+    JOINTS,
+    MICRO_G,
+    NAMES,
+    OUTER,
+    PARAMETERS,
+    Dwell,
+    ManualMove,
+    Move,
+    Step,
+    TableGeometry,
+)
 
 GROUPS = ("gyro_bias", "gyro_scale", "gyro_misalign", "accel_bias", "accel_scale", "accel_misalign")
 ESTIMATED = tuple(p.name for p in PARAMETERS if p.group in GROUPS)
@@ -186,13 +201,17 @@ def _messages(
     elif not links:
         messages.append(("no_motion_between_rests", stage))
     if fit.assumed:
-        s = fit.scatter
-        values = {"force": s.force, "turn": float(np.rad2deg(s.turn))}
-        messages.append(("scatter_assumed", {**stage, **values}))
-    elif fit.scatter != Scatter():
-        s = fit.scatter
-        messages.append(("noisier_than_profile", {**stage, "force": s.force, "rate": s.rate, "turn": s.turn}))
+        messages.append(("scatter_assumed", {**stage, "scatter": _scatter_texts(fit.scatter, fit.assumed)}))
+    measured = [kind for kind in ("force", "rate", "turn") if kind not in fit.assumed and getattr(fit.scatter, kind)]
+    if measured:
+        messages.append(("noisier_than_profile", {**stage, "scatter": _scatter_texts(fit.scatter, measured)}))
     return tuple(messages)
+
+
+def _scatter_texts(scatter: Scatter, kinds: Iterable[str]) -> list[Text]:
+    """Return the size of each kind of scatter in the units that people use."""
+    sizes = {"force": MICRO_G, "rate": DEGREE_PER_HOUR, "turn": DEGREE}
+    return [Text.of(f"recording.scatter_{kind}", size=getattr(scatter, kind) / sizes[kind]) for kind in kinds]
 
 
 METHOD = Method(

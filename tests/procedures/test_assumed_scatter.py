@@ -6,6 +6,7 @@ from hand_recordings import QUICK, block_of, context_of, prior_of, recording, so
 
 from calstation.bench.truth import record
 from calstation.judgement.limits import unobservable
+from calstation.messages import event_text, sentence
 from calstation.physics import GYRO_SCALE, INDEX
 
 QUARTER = 0.5 * np.pi
@@ -21,7 +22,10 @@ def test_six_faces_rest_on_the_assumed_scatter(seed: int) -> None:
     block.counts[:, :3] = np.rint(1.003 * block.counts[:, :3])
     solution = solved(block, context_of(imu), prior)
     undetermined = unobservable(prior, [solution])
-    assert "scatter_assumed" in [code for code, _ in solution.messages]
+    (values,) = [values for code, values in solution.messages if code == "scatter_assumed"]
+    text = event_text("scatter_assumed", values)
+    assert "the force at rests (1020 µg), the scatter of the angles of turns (0.3°)" in sentence(text)
+    assert "测不出静止比力的散布（1020 µg）、转角的散布（0.3°）" in sentence(text, "zh_CN")
     for i, name in enumerate(("gyro_scale_x", "gyro_scale_y", "gyro_scale_z")):
         error = solution.posterior.mean[INDEX[name]] - imu.parameters[INDEX[name]]
         assert abs(error) < 4.5 * solution.posterior.sigma[INDEX[name]], i
