@@ -167,7 +167,7 @@ def result_table(console: Console, result: Result) -> None:
     if result.conformity is not None:
         worst, conformity = max(result.conformity.parameters.items(), key=lambda each: each[1].probability)
         code = "cli.conformity_accept" if conformity.accepted else "cli.conformity_reject"
-        text = say(code, rule=result.conformity.rule, name=worst, percent=100.0 * conformity.probability)
+        text = say(code, rule=result.conformity.rule, name=worst, probability=conformity.probability)
         console.print(text, soft_wrap=True)
 
 

@@ -33,6 +33,8 @@ _ENDS = (".", "?", "!", ".)", "。", "？", "！", "。）")
 #: Directions of axes, such as ``-x`` and ``+x-y``, whose hyphens are minus signs.
 _AXES = re.compile(r"([+-][xyz])+")
 
+#: Smallest probability that is shown as a number, and smallest distance from 1.
+_SMALLEST_SHARE = 1e-4
 #: Smallest number that is shown with an exponent.
 _LARGEST_PLAIN = 1e6
 
@@ -265,6 +267,7 @@ class _Formatter(string.Formatter):
     ``{utc:local_time}`` shows a UTC time in this computer's time zone. ``{name:parameter}``, ``{name:product}`` and
     ``{name:station}`` show the display name in the window, otherwise the name in files. In the window, times have no
     seconds and no zone. ``{count:# run}`` shows a number with an English noun, which is in the singular after 1.
+    ``{probability:percent}`` shows a probability from 0 to 1 in percent, or that it is hardly above 0 or below 1.
     """
 
     def __init__(self, language: Language, window: bool, operator: bool, options: Mapping[str, Value]) -> None:
@@ -302,9 +305,18 @@ class _Formatter(string.Formatter):
             return "–"
         if format_spec.startswith("# "):
             return f"{value} {format_spec[2:] if str(value) == '1' else _plural(format_spec[2:])}"
+        if format_spec == "percent":
+            return self._percent(value)
         number = isinstance(value, float) and format_spec.endswith("g")
         text_of_value = plain_number(value, format_spec) if number else str(super().format_field(value, format_spec))
         return with_minus(text_of_value) if self._window and isinstance(value, float | int) else text_of_value
+
+    def _percent(self, probability: float) -> str:
+        if probability < _SMALLEST_SHARE:
+            return term("common", "percent_below", self._language)
+        if probability > 1.0 - _SMALLEST_SHARE:
+            return term("common", "percent_above", self._language)
+        return f"{plain_number(100.0 * probability, '.2g')} %"
 
 
 def _plural(noun: str) -> str:

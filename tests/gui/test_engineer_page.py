@@ -1066,6 +1066,21 @@ def test_guard_band_shows_acceptance_limits_and_risk_of_wrong_decisions(engineer
     assert "0.2 % are accepted although outside the limits, 5 % refused although within" in hint
 
 
+@pytest.mark.parametrize(("outcome", "counted"), [("fault", False), ("passed", True)])
+def test_run_that_ended_in_a_fault_does_not_count_its_passed_checks(
+    engineer: Engineer, outcome: str, counted: bool
+) -> None:
+    row = {"value": 1e-4, "sigma": 5e-5, "unit": "1", "stage": "rate"}
+    check = check_row("within", "gyro_scale_x", 1e-4, [-1e-3, 1e-3], passed=True, unit="1")
+    path = engineer.site_folder.folder / "ended.json"
+    ended = finished_run({"gyro_scale_x": row}, outcome=outcome, checks=[check])
+    path.write_text(json.dumps(ended.result.to_json()), encoding="utf-8")
+    engineer.page.analysis.open(path)
+    engineer.until(lambda: not engineer.page.analysis.loading.busy)
+    engineer.show_view(1)
+    assert ("1 of 1 check passed" in engineer.says()) == counted
+
+
 def test_schedule_beyond_the_travel_is_explained_in_both_languages(qapp: QApplication) -> None:
     refusal = Text.of("plan.turns_exceed_travel", turns=7, needed_deg=2520, axis="outer", travel_deg=2160.0)
     assert say(refusal).endswith("Lower turns in the schedule of rate.")

@@ -139,3 +139,9 @@ def test_samples_are_the_unit_of_clipping(qapp: QApplication) -> None:
         assert check_text(check).unit == "个采样点"
     finally:
         language.use("en")
+
+
+@pytest.mark.parametrize(("limit", "texts"), [(0.10829, ["0.2984", "≤ 6.205", "°"]), (0.005, ["1074", "≤ 1031", "″"])])
+def test_large_angle_of_a_check_is_in_degrees(limit: float, texts: list[str]) -> None:
+    text = check_text(Check("heading", "azimuth_flip", 5.2077e-3, limit, "rad", passed=True))
+    assert [text.value, text.limit, text.unit] == texts

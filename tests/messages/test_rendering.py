@@ -91,6 +91,23 @@ def test_parameter_has_a_display_name_in_the_window_and_an_identifier_elsewhere(
     assert "陀螺刻度系数 z 在速率" in render("cause.drift", values, "zh_CN", window=True).text
 
 
+@pytest.mark.parametrize(
+    ("probability", "english", "chinese"),
+    [
+        (5.5e-196, "less than 0.01 %", "不到 0.01 %"),
+        (0.0, "less than 0.01 %", "不到 0.01 %"),
+        (0.159, "16 %", "16 %"),
+        (1.0, "more than 99.99 %", "超过 99.99 %"),
+    ],
+)
+def test_tiny_probability_is_shown_as_a_bound(probability: float, english: str, chinese: str) -> None:
+    values = {"probability": probability}
+    assert render("engineer.conformity_accepted", values).text.endswith(f"with a probability of {english}.")
+    assert render("engineer.conformity_accepted", values, "zh_CN").text.endswith(f"概率为 {chinese}。")
+    values = {"other": "rate", "group": "gyro_bias", "stage": "excitation", **values}
+    assert f"probability {english}." in render("cause.stages_disagree", values).text
+
+
 def test_terms_are_translated_and_unknown_ones_are_readable() -> None:
     assert term("source", "table", "zh_CN") == "转台"
     assert term("source", "some_thing") == "some thing"

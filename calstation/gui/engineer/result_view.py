@@ -159,10 +159,11 @@ class ResultView(QWidget):
         texts = []
         if result.product:
             texts.append(say("engineer.for_product", product=product_text(result.product)))
-        if count := len(result.checks):
-            passed = count - len(result.failed_checks)
+        count, failed = len(result.checks), len(result.failed_checks)
+        if count and (failed or result.verdict.judged):  # of a run that did not end, only failed checks say something
+            passed = count - failed
             texts.append(say("engineer.checks_passed", passed=passed, count=count))
-            if result.failed_checks:
+            if failed:
                 texts.append(say("engineer.checks_failed", names=advice.failed_names(result)))
         if near := sum(check.near_miss for check in result.checks):
             texts.append(say("engineer.near_misses", count=near))
@@ -237,9 +238,9 @@ def _conformity_hint(result: Result, name: str) -> str:
     if decision is None:
         return ""
     kind = "accepted" if decision.accepted else "refused"
-    texts = [say(f"engineer.conformity_{kind}", percent=100.0 * decision.probability)]
+    texts = [say(f"engineer.conformity_{kind}", probability=decision.probability)]
     if decision.false_accept is not None and decision.false_reject is not None:
-        risks = {"accept": 100.0 * decision.false_accept, "reject": 100.0 * decision.false_reject}
+        risks = {"accept": decision.false_accept, "reject": decision.false_reject}
         texts.append(say("engineer.conformity_product", **risks))
     return "\n".join(texts)
 

@@ -29,7 +29,7 @@ _PRODUCT_KINDS = (
 #: Smallest and largest value that is shown as a number.
 _SMALLEST, _LARGEST = 1e-6, 1e9
 
-#: Display unit and its size by the unit of a check that does not compare a parameter.
+#: Display unit and its size by the unit of a check that does not compare a parameter; an angle of 1° or more is in °.
 _DISPLAY_UNITS = {"m/s²": ("µg", MICRO_G), "rad": ("″", ARCSECOND), "sigma": ("σ", 1.0), "1": ("", 1.0)}
 
 
@@ -130,6 +130,9 @@ def _unit(check: Check) -> tuple[str, float]:
     if name in INDEX or further_parameter(name) is not None:
         factor, unit = display(name, 1.0)
         return unit if unit != "1" else "", 1.0 / factor
+    largest = max(map(abs, check.limit)) if isinstance(check.limit, tuple) else check.limit
+    if check.unit == "rad" and largest >= DEGREE:
+        return "°", DEGREE
     return _DISPLAY_UNITS.get(check.unit, (check.unit, 1.0))
 
 
