@@ -31,8 +31,9 @@ from calstation.gui.widgets import (
     theme,
     time_unit,
 )
+from calstation.messages import Text
 from calstation.physics import INDEX, NAMES, display, limit_number
-from calstation.results import Preview, StagePreview, Violation, compute_preview
+from calstation.results import Preview, Violation, compute_preview
 
 
 class PreviewView(QWidget):
@@ -196,7 +197,7 @@ def _problem_texts(preview: Preview) -> list[str]:
         problems.append(say("engineer.undetermined", names=preview.undetermined))
     for stage in preview.stages:
         if stage.error and stage.predictable:
-            problems.append(_stage_error(stage))
+            problems.append(_error_text(stage.stage, stage.error))
         if stage.reason == "" and not preview.violations:
             problems.append(say("engineer.too_few_rounds", stage=stage.stage, rounds=stage.rounds))
     return problems
@@ -209,11 +210,11 @@ def _end_texts(preview: Preview) -> list[str]:
         for stage in preview.stages
         if stage.reason not in ("", "plan")
     ]
-    return ends + [_stage_error(stage) for stage in preview.stages if not stage.predictable]
+    return ends + [_error_text(s.stage, s.error) for s in preview.stages if s.error and not s.predictable]
 
 
-def _stage_error(stage: StagePreview) -> str:
-    return say("common.named", name=term("stage", stage.stage), text=say(stage.error))
+def _error_text(stage: str, error: Text) -> str:
+    return say("common.named", name=term("stage", stage), text=say(error))
 
 
 def _violation_text(violation: Violation) -> str:
