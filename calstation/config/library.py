@@ -2,6 +2,7 @@
 
 import os
 import sys
+from functools import cache
 from pathlib import Path
 
 from calstation.errors import ConfigurationError
@@ -31,6 +32,7 @@ def pair_folder() -> Path:
     return site_folder() / "pairs"
 
 
+@cache
 def shipped_folder() -> Path:
     """Return the folder of the shipped defaults, which is next to the source package or inside the installed one."""
     package = Path(__file__).resolve().parent.parent
@@ -38,6 +40,7 @@ def shipped_folder() -> Path:
     return beside if (beside / "stations").is_dir() else package / "data"
 
 
+@cache
 def manual_folder() -> Path:
     """Return the folder of the manual, which is next to the source package or inside the installed one."""
     package = Path(__file__).resolve().parent.parent

@@ -21,6 +21,7 @@ from calstation.cli.run import engine_events
 from calstation.records import open_log
 from calstation.runs import Engine
 from tests.cli.conftest import six_position_rows, write_log
+from tests.helpers import sampled
 from tests.site_folder import SiteFolder
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no POSIX signals")
@@ -152,7 +153,9 @@ def test_output_that_cannot_be_written_is_an_error(tmp_path: Path, redirection: 
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("redirection", ["--json - >/dev/full", "--json - >&-", "2>&-", ">/dev/full 2>/dev/full"])
+@pytest.mark.parametrize(
+    "redirection", sampled(2, ["--json - >/dev/full", "--json - >&-", "2>&-", ">/dev/full 2>/dev/full"])
+)
 def test_exit_code_of_a_run_is_its_verdict_whatever_becomes_of_its_output(tmp_path: Path, redirection: str) -> None:
     SiteFolder(tmp_path)
     done = ended(tmp_path, redirection, *COMMANDS["run"](tmp_path))
@@ -163,7 +166,7 @@ def test_exit_code_of_a_run_is_its_verdict_whatever_becomes_of_its_output(tmp_pa
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("limit", ["3", "300", "1000", "1100", "1300"])
+@pytest.mark.parametrize("limit", sampled(2, ["3", "300", "1000", "1100", "1300"]))
 def test_import_beyond_the_largest_size_of_a_file_leaves_nothing(tmp_path: Path, limit: str) -> None:
     write_log(tmp_path, six_position_rows())
     done = ended(tmp_path, "", "import", "log.csv", "-o", "out.h5", limit=limit)

@@ -145,6 +145,7 @@ UNUSED = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("command", UNUSED)
 def test_command_loads_only_what_it_needs(command: str, tmp_path: Path) -> None:
     arguments = [command] if command == "--help" else [command, str(write_log(tmp_path, six_position_rows()))]

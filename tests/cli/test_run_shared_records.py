@@ -55,6 +55,7 @@ def test_run_is_shared_and_warns_if_another_station_claims_its_unit(
     there.close()
 
 
+@pytest.mark.long
 def test_a_run_does_not_wait_for_a_database_that_hangs(
     tmp_path: Path, calstation: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:

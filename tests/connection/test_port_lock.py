@@ -100,6 +100,7 @@ USERS: dict[str, Callable[[Station], object]] = {
 }
 
 
+@pytest.mark.long
 def test_a_second_owner_is_refused_before_a_byte_is_sent(opened: tuple[Station, list[bytes]]) -> None:
     hall, heard = opened
     with owner(f"socket://{hall.address}") as first:
@@ -112,6 +113,7 @@ def test_a_second_owner_is_refused_before_a_byte_is_sent(opened: tuple[Station, 
             assert heard == [], name
 
 
+@pytest.mark.long
 def test_command_line_reports_a_port_in_use_in_one_line(
     opened: tuple[Station, list[bytes]], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -121,6 +123,7 @@ def test_command_line_reports_a_port_in_use_in_one_line(
     assert f"calstation: Port tcp://{hall.address} is in use by another" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_port_is_released_when_its_owner_is_killed(opened: tuple[Station, list[bytes]]) -> None:
     hall, _ = opened
     with owner(f"tcp://{hall.address}") as first:

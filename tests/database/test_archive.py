@@ -116,6 +116,7 @@ def test_copy_that_reads_back_differently_is_not_published(
     assert archived(archive / "line 1") == [log.name]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
 @pytest.mark.parametrize("after", [0, 1_000_000, len(CONTENT)])
 def test_interrupted_copy_leaves_no_file_with_the_final_name(log: Path, archive: Path, after: int) -> None:
@@ -127,6 +128,7 @@ def test_interrupted_copy_leaves_no_file_with_the_final_name(log: Path, archive:
     assert (archive / "line 1" / log.name).read_bytes() == CONTENT
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limit of file sizes")
 def test_full_archive_is_reported_and_leaves_no_file(log: Path, archive: Path) -> None:
     command = [sys.executable, "-c", FULL, str(log), str(archive)]

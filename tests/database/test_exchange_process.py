@@ -205,6 +205,7 @@ def test_folder_exchanged_by_another_process_is_busy(
         exchange_once(exchange, folder)
 
 
+@pytest.mark.long
 def test_long_exchange_yields_to_another_process_on_the_same_folder(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -40,6 +40,7 @@ def changed(tmp_path: Path, kind: str, name: str, *changes: tuple[str, str]) -> 
     return path
 
 
+@pytest.mark.long
 def test_designed_schedule_meets_the_limits_with_margin_under_all_conditions(mems):
     assert mems.worst <= mems.margin * 1.001
     assert mems.sigma[NAMES.index(mems.limiting)] == pytest.approx(mems.worst * mems.limits[NAMES.index(mems.limiting)])
@@ -79,6 +80,7 @@ def test_product_with_the_designed_schedule_is_valid(mems):
     assert "improvement_at_rest" not in text
 
 
+@pytest.mark.long
 def test_design_determines_the_parameters_for_which_the_product_has_no_limit(tmp_path):
     limit = "[limits.accel_quadratic] # s²/m\nwithin = 1.8e-05\nsigma_below = 8.0e-06\n"
     product = changed(tmp_path, "products", "mems_c", (limit, ""), ("sigma_below = 0.0001", "sigma_below = 0.001"))

@@ -59,6 +59,7 @@ def ratios(problem, stops):
     return problem.ratios(states(problem.library, stops)[-1][None])[0]
 
 
+@pytest.mark.long
 def test_beam_search_is_reproducible_and_respects_travel_and_targets(problem):
     front = Front()
     seconds, stops = run_search(problem, front=front)
@@ -73,6 +74,7 @@ def test_beam_search_is_reproducible_and_respects_travel_and_targets(problem):
     assert (np.diff(worst) < 0.0).all()
 
 
+@pytest.mark.long
 def test_exchange_search_keeps_a_solution_and_shortens_a_poor_one(problem):
     _, stops = run_search(problem)
     poor = (*stops[:-1], replace(stops[-1], rest=stops[-1].rest + 20))
@@ -88,6 +90,7 @@ def test_exchange_search_keeps_a_solution_and_shortens_a_poor_one(problem):
     assert again.best == exchange.best
 
 
+@pytest.mark.long
 def test_exchange_search_may_extend_a_schedule_that_misses_the_targets(problem):
     _, stops = run_search(problem)
     tighter = replace(problem, targets=0.9 * problem.targets)

@@ -214,6 +214,7 @@ def test_ramp_is_chosen_if_it_is_stated_and_held_out_temperatures_are_visited(tm
     assert check("products", text) == []
 
 
+@pytest.mark.long
 def test_ramp_of_a_mems_unit_takes_less_than_two_hours(tmp_path: Path) -> None:
     stated = 'order = "auto"\nrate_term = ["gyro_bias", "accel_bias"]'
     ramp = "[schedule.temperature]\nramp_c_per_min = 4.0"

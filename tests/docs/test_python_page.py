@@ -12,6 +12,7 @@ from calstation.config import library
 from tests.shared_runs import SharedRuns
 
 
+@pytest.mark.long
 def test_examples_run(
     shared_runs: SharedRuns, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -161,6 +161,7 @@ def test_grouped_observations_equal_single_observations(nav_stage, data, monkeyp
     assert np.array_equal(group.history.index, single.history.index)
 
 
+@pytest.mark.long
 def test_covariance_in_closed_loop_stays_symmetric_and_positive_definite_for_an_hour(nav_stage):
     context = replace(nav_stage.context, imu=replace(nav_stage.context.imu, sample_rate=20.0))
     prior = Posterior(np.zeros(COUNT), np.diag([p.prior_sigma**2 for p in PARAMETERS]))

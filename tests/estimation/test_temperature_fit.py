@@ -45,6 +45,7 @@ def polynomials(rng, order=ORDER):
     return scaled, lambda t, k: model.basis(t) @ scaled
 
 
+@pytest.mark.long
 def test_errors_of_coefficients_and_parameters_agree_with_their_covariance() -> None:
     rng = np.random.default_rng(3)
     nees, over_range, nis = [], [], []
@@ -124,6 +125,7 @@ def test_hysteresis_has_a_size_and_leaves_the_other_tests_alone() -> None:
             assert abs(row.difference - step[i]) < 5.0 * row.sigma < 0.05 * PRIOR.sigma[i]
 
 
+@pytest.mark.long
 def test_sigmas_include_the_hysteresis_and_the_bias_instability() -> None:
     rng = np.random.default_rng(11)
     group, half = group_indices("accel_bias"), 0.01 * PRIOR.sigma[INDEX["accel_bias_x"]]

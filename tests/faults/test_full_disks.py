@@ -14,6 +14,7 @@ from calstation.errors import CalstationError
 from calstation.records import open_log, raw_log
 from calstation.runs import finish_incomplete
 from calstation.sequencer import Event, Fault, Finalized, Message, StageSolved
+from tests.helpers import sampled
 from tests.site_folder import SiteFolder
 
 
@@ -102,8 +103,7 @@ MOMENTS: dict[str, Callable[[Event], bool]] = {
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("moment", MOMENTS)
-@pytest.mark.parametrize("reserved", [0, raw_log.RESERVED_SPACE])
+@pytest.mark.parametrize(("moment", "reserved"), sampled(2, MOMENTS, [0, raw_log.RESERVED_SPACE]))
 def test_full_disk_loses_nothing(disk: Disk, monkeypatch: pytest.MonkeyPatch, moment: str, reserved: int) -> None:
     monkeypatch.setattr(raw_log, "RESERVED_SPACE", reserved)
     run_until_full(disk, MOMENTS[moment])

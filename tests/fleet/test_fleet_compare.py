@@ -121,6 +121,7 @@ def check(found: Comparison) -> None:
     assert found.groups["station"][1].moves["gyro_bias_x"].median == 3.5
 
 
+@pytest.mark.long
 def test_comparison_of_four_units_matches_hand_calculation(url: str, calstation: Run) -> None:
     add(url, *(row(unit, "1", 0) for unit in UNITS), *(row(unit, "2", 1) for unit in reversed(UNITS)))
     found = compare(ignore_progress, url, "1", "2")
@@ -133,6 +134,7 @@ def test_comparison_of_four_units_matches_hand_calculation(url: str, calstation:
         assert words in shown
 
 
+@pytest.mark.long
 def test_columns_include_solutions_whose_numbers_appear_late(url: str) -> None:
     add(url, *(row(unit, "1", 0, id=k) for k, unit in enumerate(UNITS[1:], 10)))
     assert compare(ignore_progress, url, "1", "1").logs == 3

@@ -22,7 +22,7 @@ from calstation.results import resolve
 
 pytestmark = pytest.mark.long
 
-#: Number of logs of the rehearsals; `make exhaustive` solves 300 while workers are killed.
+#: Number of logs; `make exhaustive` solves 300, too, while workers are killed.
 LOGS = 30
 #: A worker is killed after at least this time, s, and this number of logs, so that a slow computer gets on too.
 KILLED_EVERY, KILLED_AFTER = 2.0, 4
@@ -101,7 +101,7 @@ def wait_for(url: str, count: int) -> None:
 @pytest.mark.parametrize(
     ("url", "count"),
     [
-        ("postgresql", LOGS),
+        pytest.param("postgresql", LOGS, marks=pytest.mark.exhaustive),
         pytest.param("sqlite", 300, marks=pytest.mark.exhaustive),
         pytest.param("postgresql", 300, marks=pytest.mark.exhaustive),
     ],

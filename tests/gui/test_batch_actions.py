@@ -47,6 +47,7 @@ def end(operator: Operator, failed: tuple[str, ...]) -> None:
     operator.until(lambda: operator.run.ended)
 
 
+@pytest.mark.long
 def test_slots_keep_their_places_from_loading_to_verdict(operator: Operator) -> None:
     use_slots(operator, 6)
     before = {name: corner(operator, f"slot_{name}_tile") for name in ("1", "4", "6")}
@@ -86,6 +87,7 @@ def test_start_shows_units_that_were_not_displayed(operator: Operator, started: 
     assert [request.serials for request in started] == [("SN-000004", "SN-000005", "SN-000006")]
 
 
+@pytest.mark.long
 def test_failed_units_are_calibrated_again_in_their_slots(operator: Operator, started: list[RunRequest]) -> None:
     use_slots(operator, 4)
     begin(operator)
@@ -105,6 +107,7 @@ def test_failed_units_are_calibrated_again_in_their_slots(operator: Operator, st
     assert [request.serials for request in started] == [("", "SN-000002", "", "SN-000004")]
 
 
+@pytest.mark.long
 def test_only_units_that_are_not_set_aside_are_offered_again(operator: Operator, started: list[RunRequest]) -> None:
     use_slots(operator, 4)
     begin(operator)
@@ -120,6 +123,7 @@ def test_only_units_that_are_not_set_aside_are_offered_again(operator: Operator,
     assert serials(operator) == ("", "SN-000002", "", "SN-000004")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("language", "advice"),
     [("en", "The tiles say what to do with each unit."), ("zh_CN", "请按各方块上的提示处理每个产品。")],
@@ -138,6 +142,7 @@ def test_batch_without_a_unit_that_passed_says_nothing_of_such_units(
     assert not operator.widget("again_button", QPushButton).isVisible()
 
 
+@pytest.mark.long
 def test_slots_show_the_last_verdicts_while_the_next_units_are_scanned(operator: Operator) -> None:
     """An operator who unloads the units while scanning must know which of them failed."""
     use_slots(operator, 4)
@@ -163,6 +168,7 @@ def test_slots_show_the_last_verdicts_while_the_next_units_are_scanned(operator:
     assert "上一台" not in tile(operator, "slot_2_tile").accessibleName()
 
 
+@pytest.mark.long
 def test_paused_batch_and_next_step_after_a_fault_of_the_table(operator: Operator) -> None:
     use_slots(operator, 2)
     begin(operator)
@@ -185,6 +191,7 @@ def test_paused_batch_and_next_step_after_a_fault_of_the_table(operator: Operato
     assert says().startswith("取下合格的产品")
 
 
+@pytest.mark.long
 def test_unit_scanned_again_is_entered_in_its_last_slot_with_a_notice(operator: Operator) -> None:
     use_slots(operator, 3)
     begin(operator)
@@ -239,6 +246,7 @@ def no_printer(documents: None, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(document_buttons, "print_labels", printer_is_off)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("no_printer")
 def test_focus_is_on_no_other_document_after_a_label_was_not_printed(operator: Operator) -> None:
     use_slots(operator, 2)
@@ -259,6 +267,7 @@ def test_focus_is_on_no_other_document_after_a_label_was_not_printed(operator: O
     assert operator.window.focusWidget() is operator.widget("serial_edit")
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("documents")
 def test_labels_and_certificates_of_all_units_that_passed(operator: Operator) -> None:
     use_slots(operator, 3)
@@ -301,6 +310,7 @@ def test_no_button_for_documents_without_a_unit_that_passed(operator: Operator) 
     assert operator.run.state == Verdict.FAILED
 
 
+@pytest.mark.long
 def test_start_of_the_engineer_shows_units_that_were_not_displayed(
     operator: Operator, started: list[RunRequest]
 ) -> None:

@@ -62,6 +62,7 @@ def test_chamber_of_a_run_that_died_must_be_looked_at_before_anything_else(
     assert title not in operator.says(), "it has been looked at after this run"
 
 
+@pytest.mark.long
 def test_chamber_is_named_although_nothing_can_be_resumed(operator: Operator) -> None:
     die(operator, SOAK, solved=0)
     operator.window.operator_page._starting.interrupted.recover()

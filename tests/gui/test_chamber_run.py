@@ -74,6 +74,7 @@ def thermal(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> ThermalRun:
     return ThermalRun(operator, monkeypatch)
 
 
+@pytest.mark.long
 def test_soak_shows_temperatures_its_reason_and_the_curves(thermal: ThermalRun) -> None:
     assert not thermal.panel.isVisible()
     thermal.emit(StepStarted("temperature", 1, "soak", ("soak", -40.0, 1.0, 7.0)))
@@ -98,6 +99,7 @@ def test_soak_shows_temperatures_its_reason_and_the_curves(thermal: ThermalRun) 
     assert thermal.panel.words.text() == "正处于 −40 °C"
 
 
+@pytest.mark.long
 def test_time_left_is_that_of_the_soak_at_the_pace_of_the_station(
     thermal: ThermalRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -107,6 +109,7 @@ def test_time_left_is_that_of_the_soak_at_the_pace_of_the_station(
     assert thermal.panel.values[4].text() == "1:15"
 
 
+@pytest.mark.long
 def test_time_left_of_the_transfer_contains_its_soak(thermal: ThermalRun) -> None:
     run = thermal.app.run
     row = next(stage for stage in run.stages if stage.name == TRANSFER)
@@ -123,6 +126,7 @@ def test_time_left_of_the_transfer_contains_its_soak(thermal: ThermalRun) -> Non
     assert run.stage_remaining(row) == pytest.approx(0.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("language", "name"), [("en", "Time left here"), ("zh_CN", "本步剩余时间")])
 def test_return_of_the_chamber_shows_its_time_left(
     thermal: ThermalRun, monkeypatch: pytest.MonkeyPatch, language: str, name: str
@@ -135,6 +139,7 @@ def test_return_of_the_chamber_shows_its_time_left(
     assert (thermal.panel._names[4].text(), thermal.panel.values[4].text()) == (name, "10:00")
 
 
+@pytest.mark.long
 def test_progress_follows_the_duration_that_is_expected_now(thermal: ThermalRun) -> None:
     run = thermal.app.run
     stage = next(stage for stage in run.stages if stage.name == "temperature")
@@ -147,6 +152,7 @@ def test_progress_follows_the_duration_that_is_expected_now(thermal: ThermalRun)
     assert run.stage_remaining(stage) == 16500.0
 
 
+@pytest.mark.long
 def test_window_names_the_chamber_when_it_closes(thermal: ThermalRun) -> None:
     operator, window = thermal.operator, thermal.operator.window
     thermal.emit(SOAK)
@@ -177,6 +183,7 @@ def test_window_names_the_chamber_when_it_closes(thermal: ThermalRun) -> None:
     assert not window.isVisible()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("language", "titles", "chamber", "unverified"),
     [
@@ -209,6 +216,7 @@ def test_close_question_in_the_transfer_names_the_chamber_and_what_is_lost(
         assert (unverified in closing.text_label.text()) is bool(message)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("language", "returns", "cold", "ends"),
     [
@@ -250,6 +258,7 @@ def test_run_at_one_temperature_shows_no_chamber(operator: Operator, monkeypatch
     assert not operator.widget("operator_page_chamber_notice").isVisible()
 
 
+@pytest.mark.long
 def test_chamber_must_stay_closed_after_stop_until_it_may_be_opened(thermal: ThermalRun) -> None:
     operator = thermal.operator
     thermal.emit(SOAK)
@@ -287,6 +296,7 @@ def test_chamber_must_stay_closed_after_stop_until_it_may_be_opened(thermal: The
     operator.until(lambda: not thermal.notice.isVisible())
 
 
+@pytest.mark.long
 def test_chamber_must_stay_closed_after_its_fault_was_read(thermal: ThermalRun) -> None:
     operator = thermal.operator
     thermal.emit(replace(SOAK, air_c=80.0, units={"": 70.0}), Message("chamber_to_ambient", RETURNING))
@@ -316,6 +326,7 @@ def shown_buttons(operator: Operator) -> list[str]:
     return [button.text() for name in names if (button := operator.widget(name, QPushButton)).isVisible()]
 
 
+@pytest.mark.long
 def test_engine_that_dies_leaves_the_chamber_unknown(thermal: ThermalRun, monkeypatch: pytest.MonkeyPatch) -> None:
     access.set_pin("", "246813")
     thermal.app.role.unlock("246813")
@@ -359,6 +370,7 @@ def test_engine_that_dies_leaves_the_chamber_unknown(thermal: ThermalRun, monkey
     assert run_badge(thermal.operator.run)[0] != "caution"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "action", "after"),
     [

@@ -177,6 +177,7 @@ def test_trend_contains_only_runs_as_the_product_of_the_run(
     language.use("en")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "words"),
     [("en", "3 complete runs with PASS or FAIL; 1 of them with missing files"), ("zh_CN", "其中1次文件缺失")],

@@ -32,6 +32,7 @@ def test_no_live_view_before_a_run(operator: Operator) -> None:
     assert current_view(operator) == "Preview"
 
 
+@pytest.mark.long
 def test_traces_table_and_convergence_are_live(run: Operator) -> None:
     assert current_view(run) == "Live"
     live = next(view for view in run.window.findChildren(LiveView) if view.isVisible())
@@ -53,6 +54,7 @@ def test_traces_table_and_convergence_are_live(run: Operator) -> None:
     assert current_view(run) == "实时"
 
 
+@pytest.mark.long
 def test_run_is_paused_and_resumed(run: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
     sent: list[Command] = []
     link = run.window.app.engine_link

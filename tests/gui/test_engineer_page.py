@@ -176,6 +176,7 @@ def test_each_part_can_be_previewed_and_run(engineer: Engineer) -> None:
                 assert number(expected_table[name][last]) == pytest.approx(number(row["± σ"]), rel=0.15), name
 
 
+@pytest.mark.long
 def test_parts_are_offered_only_for_a_product_with_their_stages(engineer: Engineer) -> None:
     engineer.unlock()
     biases = engineer.widget("part_check_biases", QCheckBox)
@@ -186,6 +187,7 @@ def test_parts_are_offered_only_for_a_product_with_their_stages(engineer: Engine
     assert "or single stages" not in engineer.says()
 
 
+@pytest.mark.long
 def test_product_that_cannot_be_read_replaces_the_previous_one(engineer: Engineer, site_folder: SiteFolder) -> None:
     engineer.unlock()
     good = engineer.window.app.product_path
@@ -208,6 +210,7 @@ def test_product_that_cannot_be_read_replaces_the_previous_one(engineer: Enginee
     assert engineer.widget("save_reason_label", QLabel).text() == "The values of this stage are those of the product."
 
 
+@pytest.mark.long
 def test_single_stages_can_be_chosen_in_any_order(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("stage_check_rate", "stage_check_excitation")
@@ -250,6 +253,7 @@ def test_changed_schedule_is_not_a_partial_calibration(engineer: Engineer) -> No
     assert engineer.widget("start_button", QPushButton).text() == "START"
 
 
+@pytest.mark.long
 def test_only_an_engineer_chooses_parts(engineer: Engineer) -> None:
     boxes = ("part_check_biases", "stage_check_rate")
     for name in (*boxes, "stage_down_rate"):
@@ -320,6 +324,7 @@ def test_partial_run_is_marked_on_all_pages(engineer: Engineer) -> None:
         assert table.rowCount() == rows
 
 
+@pytest.mark.long
 def test_schedule_is_validated_previewed_and_saved_to_the_product(
     engineer: Engineer,
 ) -> None:
@@ -368,6 +373,7 @@ def test_schedule_is_validated_previewed_and_saved_to_the_product(
     assert "are those of the product" in engineer.why_not("save_product_button")
 
 
+@pytest.mark.long
 def test_target_above_the_limit_of_the_product_is_a_caution(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.window.app.set_product(library.find("products", "mems_c"))
@@ -386,6 +392,7 @@ def test_target_above_the_limit_of_the_product_is_a_caution(engineer: Engineer) 
     engineer.window.app.set_language("en")
 
 
+@pytest.mark.long
 def test_confirmation_prompt_disappears_when_its_subject_changes(engineer: Engineer) -> None:
     app = engineer.window.app
     engineer.unlock()
@@ -414,6 +421,7 @@ def test_confirmation_prompt_disappears_when_its_subject_changes(engineer: Engin
     assert versions.list_versions("products", "nav_a") == (), "the values were typed for the other product"
 
 
+@pytest.mark.long
 def test_selection_changed_during_the_preview_makes_it_outdated(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("stage_check_rate")
@@ -677,6 +685,7 @@ def ask_to_write(engineer: Engineer, *, of: Mapping[str, Any] | None = None, **b
     engineer.press("write_registers_button")
 
 
+@pytest.mark.long
 def test_result_of_another_profile_requires_its_own_product(engineer: Engineer) -> None:
     engineer.unlock()
     found = {"gyro_bias_x": {"value": 1e-6, "sigma": 1e-8, "unit": "rad/s", "stage": "six_position"}}
@@ -709,6 +718,7 @@ def test_registers_of_the_previous_run_are_not_offered_for_the_next(engineer: En
     assert registers.target is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("changes", "title"),
     [
@@ -727,6 +737,7 @@ def test_write_confirmation_shows_the_verdict_of_the_result(
     assert title not in engineer.says()
 
 
+@pytest.mark.long
 def test_write_to_another_unit_is_refused_with_a_reason_at_the_button(engineer: Engineer) -> None:
     ask_to_write(engineer)
     engineer.type("engineer_serial_edit", "SN-000007")
@@ -784,6 +795,7 @@ def test_reason_that_prevents_a_write_is_shown_once_and_wraps(engineer: Engineer
         assert engineer.page.minimumSizeHint().width() <= 1280, code
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "said"),
     [
@@ -858,6 +870,7 @@ def test_rows_of_stages_stay_aligned_after_a_selection(engineer: Engineer) -> No
         assert len({each.mapTo(engineer.page, QPoint()).x() for each in checks}) == 1
 
 
+@pytest.mark.long
 def test_registers_that_a_partial_run_writes_are_announced_beside_start(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("stage_check_six_position")
@@ -873,6 +886,7 @@ def test_registers_that_a_partial_run_writes_are_announced_beside_start(engineer
     language.use("en")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "state", "why"),
     [("en", "NOT READY", "serial number"), ("zh_CN", "未就绪", "序列号")],
@@ -889,6 +903,7 @@ def test_reason_why_no_run_can_start_stands_beside_start(engineer: Engineer, cod
     assert state not in shown
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "product", "compared", "other"),
     [
@@ -924,6 +939,7 @@ def test_result_names_its_product_and_the_run_with_which_it_is_compared(
     assert engineer.page.minimumSizeHint().width() == page_width, "the sentences take two lines"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "said"),
     [
@@ -1003,6 +1019,7 @@ def test_stop_ends_the_verification_motion_after_a_write(engineer: Engineer) -> 
     assert register_journal.interrupted(engineer.site_folder.runs, SERIAL) is not None
 
 
+@pytest.mark.long
 def test_partial_run_shows_its_stages_and_when_registers_were_written(engineer: Engineer) -> None:
     row = {"value": 1e-4, "sigma": 1e-6, "unit": "1", "stage": "rate"}
     result = {
@@ -1036,6 +1053,7 @@ def test_partial_run_shows_its_stages_and_when_registers_were_written(engineer: 
     assert "as written and read back by the run, 2026-11-21" in engineer.says()
 
 
+@pytest.mark.long
 def test_guard_band_shows_acceptance_limits_and_risk_of_wrong_decisions(engineer: Engineer) -> None:
     row = {"value": 9.5e-4, "sigma": 5e-5, "unit": "1", "stage": "rate"}
     limits, accepted = [-1e-3, 1e-3], [-9e-4, 9e-4]

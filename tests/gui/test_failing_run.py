@@ -32,6 +32,7 @@ def fail(operator: Operator) -> None:
     operator.until(lambda: operator.widget("failing_notice", QFrame).isVisible())
 
 
+@pytest.mark.long
 def test_reason_is_stated_and_the_run_is_ended(simulated_run: Operator, sent: list[Command]) -> None:
     operator = simulated_run
     fail(operator)

@@ -29,6 +29,7 @@ def gimbal_run(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> Operator:
     return operator
 
 
+@pytest.mark.long
 def test_window_shows_joint_angles_and_drifts(gimbal_run: Operator) -> None:
     live, link = gimbal_run.window.operator_page._live, gimbal_run.window.app.engine_link
     link.event.emit(JointsMoved((0.5236, -0.001, 0.002), (0.1, 0.0, 0.0), True))

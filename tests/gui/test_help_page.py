@@ -55,6 +55,7 @@ def first_line(browser: QTextBrowser) -> str:
     return browser.cursorForPosition(QPoint(40, 12)).block().text()
 
 
+@pytest.mark.long
 def test_f1_opens_the_manual_at_the_place_that_fits_the_page(window: MainWindow) -> None:
     for name, (chapter, heading) in PLACES.items():
         window.show_page(name)
@@ -66,6 +67,7 @@ def test_f1_opens_the_manual_at_the_place_that_fits_the_page(window: MainWindow)
         assert page.target == chapter  # F1 on the Help page leaves it as it is
 
 
+@pytest.mark.long
 def test_links_lead_to_other_chapters_and_back_and_search_finds_sections(window: MainWindow) -> None:
     page = press_f1(window)
     page.open("how-to/history.md")
@@ -88,6 +90,7 @@ def test_links_lead_to_other_chapters_and_back_and_search_finds_sections(window:
     assert found.count() == 1
 
 
+@pytest.mark.long
 def test_about_shows_version_licences_and_the_folder_of_logs(
     window: MainWindow, site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -119,6 +122,7 @@ def click_link(browser: QTextBrowser, text: str) -> None:
     QTest.mouseClick(browser.viewport(), Qt.MouseButton.LeftButton, pos=browser.cursorRect(cursor).center())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "verdict", "none", "missing", "altered"),
     [
@@ -167,6 +171,7 @@ def test_about_lists_validations_and_opens_their_documents(
     window.app.set_language("en")
 
 
+@pytest.mark.long
 def test_every_place_and_every_link_of_the_manual_exists(window: MainWindow) -> None:
     anchors = {file.resolve(): {manual.anchor(each.heading) for each in sections(file)} for file in DOCS}
     links = [(library.manual_folder() / "x.md", page.manual) for page in opened_pages(window) if page.manual]
@@ -182,6 +187,7 @@ def test_every_place_and_every_link_of_the_manual_exists(window: MainWindow) -> 
     assert missing == []
 
 
+@pytest.mark.long
 def test_chinese_window_shows_chinese_chapters_and_says_where_there_is_none(window: MainWindow) -> None:
     page = press_f1(window)
     window.app.set_language("zh_CN")
@@ -226,6 +232,7 @@ def test_an_installed_program_has_the_manual(tmp_path: Path, monkeypatch: pytest
     assert library.manual_folder() == installed / "docs"
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("engineer_page")
 @pytest.mark.parametrize("code", ["en", "zh_CN"])
 def test_f1_during_and_after_a_run_opens_what_the_operator_needs(simulated_run: Operator, code: str) -> None:

@@ -460,6 +460,7 @@ def test_finished_run_is_listed_immediately(
     assert page.table.run.serial == "SN-000003"  # the selection is kept
 
 
+@pytest.mark.long
 def test_resume_asks_for_confirmation_on_the_operator_page(window: MainWindow, folder: Path, qtbot: QtBot) -> None:
     write_dead_log(folder)
     window.app.runs_folder = folder

@@ -98,6 +98,7 @@ def test_pin_of_another_badge_does_not_unlock(operator: Operator) -> None:
     assert (app.author.by, app.author.pin) == ("B0002", None)
 
 
+@pytest.mark.long
 def test_entered_name_stands_in_every_record(operator: Operator, started: list[Any]) -> None:
     enter(operator, "operator_edit", "Li Na")
     operator.scan(SERIAL)

@@ -89,6 +89,7 @@ def at(page: OfflinePage, plot: int = 0, across: float = 0.5, down: float = 0.5)
     return pixel(graph(page), boxes(page)[plot], across, down)
 
 
+@pytest.mark.long
 def test_wheel_zooms_time_and_ctrl_wheel_zooms_values(page: OfflinePage) -> None:
     whole = ranges(page)
     turn_wheel(graph(page), at(page, 1))
@@ -100,6 +101,7 @@ def test_wheel_zooms_time_and_ctrl_wheel_zooms_values(page: OfflinePage) -> None
     np.testing.assert_allclose(ranges(page)[:, 0], zoomed[:, 0])
 
 
+@pytest.mark.long
 def test_dragging_a_box_zooms_and_a_double_click_shows_the_whole_log(page: OfflinePage, qtbot: QtBot) -> None:
     whole = ranges(page)
     drag(graph(page), at(page, 0, 0.3, 0.3), at(page, 0, 0.6, 0.8))
@@ -136,6 +138,7 @@ def test_shorter_log_is_selected_whole_after_a_range_of_a_longer_one(
         assert page.range.range == (0, COUNT - 1)
 
 
+@pytest.mark.long
 def test_middle_mouse_button_pans(page: OfflinePage) -> None:
     page.plot.zoom(True)
     before = page.plot.view
@@ -153,6 +156,7 @@ def pointer(page: OfflinePage) -> str:
     return str(page.findChild(QLabel, "pointer_label").text())
 
 
+@pytest.mark.long
 def test_values_under_the_mouse_are_shown(page: OfflinePage, qtbot: QtBot) -> None:
     for _ in range(9):
         qtbot.mouseClick(page.findChild(QPushButton, "zoom_in_button"), Qt.MouseButton.LeftButton)
@@ -174,6 +178,7 @@ def test_values_under_the_mouse_are_shown(page: OfflinePage, qtbot: QtBot) -> No
     assert "3.00000" not in notes(page)[0]
 
 
+@pytest.mark.long
 def test_merged_samples_show_minimum_and_maximum(page: OfflinePage) -> None:
     move_mouse(graph(page), at(page, 0, 0.25))
     low, high = (float(text) for text in notes(page)[0].split("x ")[1].split()[0].split("…"))
@@ -190,6 +195,7 @@ def tick(page: OfflinePage, *names: str) -> None:
         next(action for action in menu.actions() if action.text() == name).trigger()
 
 
+@pytest.mark.long
 def test_channels_are_hidden_and_shown(page: OfflinePage, window: MainWindow, log: Path, qtbot: QtBot) -> None:
     curves = page.plot._curves
     tick(page, "Gyro x", "Temperature")
@@ -210,6 +216,7 @@ def test_channels_are_hidden_and_shown(page: OfflinePage, window: MainWindow, lo
     qtbot.waitUntil(lambda: curves["gyro_x"].isVisible(), timeout=WAIT)  # a log opened anew shows all
 
 
+@pytest.mark.long
 def test_plots_are_saved_with_their_visible_channels(page: OfflinePage, tmp_path: Path) -> None:
     tick(page, "Gyro x", "Gyro y", "Gyro z")
     assert open_menu(graph(page)) == ["Copy as picture", "Save…"]
@@ -235,6 +242,7 @@ def texts(page: OfflinePage) -> list[str]:
     return [*found, *tips, *entries, *notes(page)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["", "multi_position", "gimbal", "cross_calibration"])
 def test_all_texts_follow_the_language(method: str, page: OfflinePage, window: MainWindow, qtbot: QtBot) -> None:
     """Texts after a change of language equal the texts of the same actions in that language."""

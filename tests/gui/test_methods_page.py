@@ -278,6 +278,7 @@ def test_failed_solution_is_reported_and_a_running_solution_cancelled(
     assert panel.solve_button.isEnabled()
 
 
+@pytest.mark.long
 def test_log_path_is_locked_while_the_current_view_is_busy(
     window: MainWindow, select_method: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot
 ) -> None:
@@ -297,6 +298,7 @@ def test_log_path_is_locked_while_the_current_view_is_busy(
     assert page.source.isEnabled()
 
 
+@pytest.mark.long
 def test_guide_me_live_requires_a_manual_rig_and_opens_the_operator_page(
     select_method: Callable[[str], MethodPanel], window: MainWindow, operator: Operator, qtbot: QtBot
 ) -> None:
@@ -431,6 +433,7 @@ def test_calibrations_by_triggers_are_shown_on_the_timeline(
     assert "nothing is stored" in panel.findChild(QLabel, "pair_stored_label").text()
 
 
+@pytest.mark.long
 def test_live_watch_uses_the_selected_product(
     window: MainWindow, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -26,6 +26,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("states", "noted"), [([], False), (["accel_cubic"], True)])
 def test_failed_check_at_rest_is_explained_after_a_state_was_added(
     operator: Operator, states: list[str], noted: bool

@@ -82,6 +82,7 @@ def test_sentences_have_minus_signs_only_in_the_window(qapp: QApplication) -> No
     assert "-90" in sentence(turn)
 
 
+@pytest.mark.long
 def test_products_have_the_same_translated_name_everywhere(operator: Operator) -> None:
     operator.choose("nav_a")
     operator.window.show_page("station_page")

@@ -174,6 +174,7 @@ def save_as(page: OfflinePage, name: str, target: Path, kind: int, qtbot: QtBot)
     qtbot.waitUntil(lambda: page.notice.isVisible(), timeout=WAIT)
 
 
+@pytest.mark.long
 def test_pasted_path_is_opened_without_pressing_enter(page: OfflinePage, run_log: Path, qtbot: QtBot) -> None:
     edit = page.findChild(QLineEdit, "log_edit")
     edit.setText(str(run_log.with_suffix(".json")))
@@ -211,6 +212,7 @@ def test_log_without_stages_says_what_solves_it(
     assert words in why_not.text() == button(page, "solve_button").toolTip()
 
 
+@pytest.mark.long
 def test_same_log_gives_a_bit_identical_result(page: OfflinePage, run_log: Path, qtbot: QtBot) -> None:
     opened(page, run_log, qtbot)
     assert page.comparison.online_badge.text() == "PARTIAL"
@@ -327,6 +329,7 @@ def drag_edge(page: OfflinePage, edge: int, to: float) -> None:
         QApplication.processEvents()
 
 
+@pytest.mark.long
 def test_range_boxes_and_plot_region_stay_synchronised_within_the_log(
     page: OfflinePage, long_log: Path, qtbot: QtBot
 ) -> None:
@@ -531,6 +534,7 @@ def test_dropped_csv_is_opened_and_a_dropped_image_is_not(page: OfflinePage, tmp
     assert [path.name for path in page.source.recent()] == [log.name]
 
 
+@pytest.mark.long
 def test_log_and_result_are_exported(page: OfflinePage, run_log: Path, tmp_path: Path, qtbot: QtBot) -> None:
     opened(page, run_log, qtbot)
     solve(page, qtbot)

@@ -147,6 +147,7 @@ def test_resumed_stage_shows_no_time_and_message_line_follows_the_language(simul
     simulated_run.until(lambda: simulated_run.message.startswith("The completed stages are kept: resume after them"))
 
 
+@pytest.mark.long
 def test_verdict_is_cleared_by_another_product_or_station(simulated_run: Operator) -> None:
     end_run(simulated_run, "passed")
     assert simulated_run.verdict == "PASS"
@@ -260,6 +261,7 @@ def test_failures_in_closing_earlier_runs_are_reported(operator: Operator) -> No
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("outcome", ["passed", "failed", "stopped"])
 def test_verdict_keeps_its_serial_number_and_the_field_is_for_the_next_unit(
     simulated_run: Operator, outcome: str
@@ -289,6 +291,7 @@ def test_verdict_keeps_its_serial_number_and_the_field_is_for_the_next_unit(
     assert "next unit" not in simulated_run.says()
 
 
+@pytest.mark.long
 def test_unit_scanned_before_a_stopped_engine_ends_is_kept(
     simulated_run: Operator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -320,6 +323,7 @@ def test_long_serial_number_fits_next_to_the_verdict(simulated_run: Operator) ->
     simulated_run.until(lambda: serial.fontMetrics().horizontalAdvance(serial.text()) <= serial.width(), 10.0)
 
 
+@pytest.mark.long
 def test_suggested_serial_number_does_not_survive_a_change_to_hardware(operator: Operator) -> None:
     operator.window.create_engineer_page()
     edits = [operator.widget(name, QLineEdit) for name in ("serial_edit", "engineer_serial_edit")]
@@ -371,6 +375,7 @@ def test_stage_of_a_failing_value_is_marked_and_the_value_listed_first(simulated
     simulated_run.until(lambda: "超差" in simulated_run.says() and "完成" in simulated_run.says())
 
 
+@pytest.mark.long
 def test_interrupted_unit_scanned_again_is_resumed_or_restarted(
     operator: Operator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -425,6 +430,7 @@ def test_completed_stages_of_a_resumed_run_are_done_from_the_beginning(operator:
         assert done not in stages.item(1).data(Qt.ItemDataRole.AccessibleTextRole)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("station", "offered"), [("test bench", True), ("another bench", False)])
 def test_interrupted_run_is_offered_only_at_its_station(operator: Operator, station: str, *, offered: bool) -> None:
     runs = operator.window.app.runs_folder
@@ -457,6 +463,7 @@ def test_interrupted_run_is_offered_only_at_its_station(operator: Operator, stat
     assert operator.window.focusWidget() is operator.widget("cancel_choice")
 
 
+@pytest.mark.long
 def test_question_before_closing_is_not_mistaken_for_resuming(
     simulated_run: Operator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -570,6 +577,7 @@ def test_times_on_hardware_are_named_only_where_the_bench_is_faster(operator: Op
         assert ("virtual bench" in note.text()) is faster, station
 
 
+@pytest.mark.long
 def test_ready_is_not_shown_while_station_and_product_are_incompatible(operator: Operator) -> None:
     pages = ("operator_page", "engineer_page", "history_page")
 
@@ -732,6 +740,7 @@ def test_reserve_moves_extend_the_time_left_and_the_convergence_plot(simulated_r
     assert all(decade > 0.0 for minute, decade in zip(minutes, decades, strict=True) if minute < 2.5)
 
 
+@pytest.mark.long
 def test_rounds_of_an_open_ended_stage_follow_each_other_in_the_convergence_plot(simulated_run: Operator) -> None:
     live = simulated_run.window.operator_page._live._convergence
     event = simulated_run.window.app.engine_link.event

@@ -239,6 +239,7 @@ def test_failed_unit_shows_the_reason_and_what_to_do(operator: Operator) -> None
     operator.until_ended()
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
 def test_killed_engine_is_a_fault(operator: Operator) -> None:
     operator.site_folder.write(ONE_STAGE)
@@ -305,6 +306,7 @@ def test_interrupted_run_is_offered_at_startup_and_resumed(operator: Operator, s
     again.app.close()
 
 
+@pytest.mark.long
 def test_real_table_moves_only_after_confirmation(operator: Operator, site_folder: SiteFolder) -> None:
     hardware = {
         **STATION,
@@ -344,6 +346,7 @@ def test_runs_folder_has_a_default(operator: Operator) -> None:
     assert operator.window.app.runs_folder == Path("runs")
 
 
+@pytest.mark.long
 def test_product_file_added_while_the_window_is_open_is_listed(operator: Operator) -> None:
     combo = operator.widget("product_combo", QComboBox)
     before = combo.currentData()

@@ -63,6 +63,7 @@ def played(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return names
 
 
+@pytest.mark.long
 def test_scan_gives_a_symbol_and_a_sound_unless_muted(operator: Operator, played: list[str]) -> None:
     operator.scan(SERIAL)
     assert played == [], "the computer of the tests is muted"
@@ -173,6 +174,7 @@ def test_idle_operator_is_signed_out(operator: Operator) -> None:
     assert operator.message == "Scan your badge first."
 
 
+@pytest.mark.long
 def test_confirmation_after_sign_out_starts_no_run(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
     use_station(operator, ONE_STAGE, sign_in={"badge_pattern": r"B\d{4}", "names": NAMES})
     started: list[Any] = []
@@ -193,6 +195,7 @@ def test_confirmation_after_sign_out_starts_no_run(operator: Operator, monkeypat
     assert [request.operator for request in started] == ["B5678"]
 
 
+@pytest.mark.long
 def test_engineer_page_starts_no_run_without_a_badge(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
     use_station(operator, ONE_STAGE, sign_in={"badge_pattern": r"B\d{4}", "names": NAMES})
     started: list[Any] = []
@@ -214,6 +217,7 @@ def test_engineer_page_starts_no_run_without_a_badge(operator: Operator, monkeyp
 # ---- scans at any time
 
 
+@pytest.mark.long
 def test_scan_during_a_run_does_not_stop_it(operator: Operator) -> None:
     use_station(operator, ONE_STAGE)
     operator.scan(SERIAL)

@@ -95,6 +95,7 @@ def choose(operator: Operator, name: str, index: int) -> None:
     operator.widget(name, QComboBox).setCurrentIndex(index)
 
 
+@pytest.mark.long
 def test_every_quantity_has_control_charts_and_a_signal_opens_its_run(operator: Operator, page: QualityPage) -> None:
     quantities = cells(operator, "quality_quantities_table")
     assert len(quantities) == len(NAMES) + 1, "and the mean of the accelerometer scale factors"
@@ -123,6 +124,7 @@ def test_choices_and_tabs_stay_in_place_in_every_view(operator: Operator, page: 
     assert all(place == places[0] for place in places)
 
 
+@pytest.mark.long
 def test_table_counts_the_runs_that_signal(operator: Operator, page: QualityPage) -> None:
     for line, (runs, signalling) in enumerate(cells(operator, "quality_quantities_table")[:6]):
         click_row(operator, "quality_quantities_table", line)
@@ -156,6 +158,7 @@ def test_note_says_how_many_signals_are_in_the_chart_that_is_not_shown(
     language.use("en")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "title", "longer"), [("en", "3 of 10 runs", "longer time"), ("zh_CN", "已有3次，需要10次", "更长的时间")]
 )
@@ -179,6 +182,7 @@ def test_number_of_runs_is_stated_until_a_chart_is_possible(
     language.use("en")
 
 
+@pytest.mark.long
 def test_ticks_of_numbers_of_runs_are_whole_numbers(operator: Operator, page: QualityPage) -> None:
     click_tab(operator, "Yield")
     page.yields.pareto.show_data((FailedCheck(CheckId("within", "gyro_bias_x"), 1, 1.0),))
@@ -186,6 +190,7 @@ def test_ticks_of_numbers_of_runs_are_whole_numbers(operator: Operator, page: Qu
     assert min(spacing for spacing, _ in spacings) >= 1.0
 
 
+@pytest.mark.long
 def test_low_capability_is_marked_and_names_are_shaded_like_their_rows(operator: Operator, page: QualityPage) -> None:
     click_tab(operator, "Capability")
     table, rows = page.capability.table, cells(operator, "capability_table")
@@ -346,6 +351,7 @@ def test_study_is_charted_by_unit_by_appraiser_and_for_all_parameters(operator: 
     assert "各产品的测量值及其均值" in operator.says()
 
 
+@pytest.mark.long
 def test_missing_standards_and_instruments_are_explained_beside_the_geometry(
     operator: Operator, page: QualityPage
 ) -> None:
@@ -565,6 +571,7 @@ def test_few_runs_of_a_check_standard_are_counted_as_its_own(operator: Operator,
     assert "绘图至少需要该标准件的10次完整标定。" in operator.says()
 
 
+@pytest.mark.long
 def test_capability_and_yield_are_shown(operator: Operator, page: QualityPage) -> None:
     click_tab(operator, "Capability")
     rows = cells(operator, "capability_table")
@@ -580,6 +587,7 @@ def test_capability_and_yield_are_shown(operator: Operator, page: QualityPage) -
     assert sum(int(row[3]) for row in shares if row[0] == "Station") == page._summary.yields.overall.count
 
 
+@pytest.mark.long
 def test_folder_without_runs_shows_an_explanation(operator: Operator) -> None:
     operator.window.show_page("quality_page")
     page = operator.window.findChild(QualityPage, "quality_page")

@@ -46,6 +46,7 @@ def test_window_grows_with_the_screen(screen: tuple[int, int], factor: float) ->
     assert growth(screen) == factor
 
 
+@pytest.mark.long
 def test_texts_keep_their_sizes_after_a_change_of_the_theme_and_after_a_run(simulated_run: Operator) -> None:
     page, stages = simulated_run.window.findChild(OperatorPage), simulated_run.widget("stage_list", QListWidget)
 
@@ -83,6 +84,7 @@ def test_verdict_uses_its_space(simulated_run: Operator) -> None:
     assert large_text > 1.5 * small_text
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("code", ["en", "zh_CN"])
 @pytest.mark.parametrize("size", [(1264, 672), (1366, 732)])
 def test_verdict_with_many_figures_needs_no_scroll_bar(
@@ -184,6 +186,7 @@ def red(colour: QColor) -> bool:
     return (hue < 12 or hue > 348) and saturation > 170 and value > 150
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["light", "dark"])
 def test_stop_and_fail_are_red_with_white_text(simulated_run: Operator, name: str) -> None:
     simulated_run.window.app.set_theme(name)

@@ -99,6 +99,7 @@ def test_question_before_a_start_replaces_the_message_about_enter(
     assert operator.message == "Load a unit, scan its serial number, and press START."
 
 
+@pytest.mark.long
 def test_scan_before_the_fault_is_read_says_what_to_do(simulated_run: Operator) -> None:
     operator, link = simulated_run, simulated_run.window.app.engine_link
     link.event.emit(StateChanged("fault", "preparing"))
@@ -131,6 +132,7 @@ def test_slots_of_the_last_station_are_not_shown_at_an_unusable_one(operator: Op
     assert "This station and product cannot run" not in operator.says()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (1366, 768), (1920, 1080)])
 def test_a_notice_does_not_move_the_buttons_of_a_verdict(simulated_run: Operator, width: int, height: int) -> None:
     operator, window = simulated_run, simulated_run.window

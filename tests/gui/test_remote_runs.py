@@ -136,6 +136,7 @@ def test_unavailable_archive_is_reported(page: HistoryPage, folder: Path, tmp_pa
     assert not list((folder / OTHER).iterdir())
 
 
+@pytest.mark.long
 def test_quality_page_includes_and_opens_runs_of_all_stations(
     app: AppContext, folder: Path, tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:

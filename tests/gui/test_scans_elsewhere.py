@@ -44,6 +44,7 @@ def test_scan_over_an_open_list_during_a_run_changes_nothing(operator: Operator)
     assert (combo.currentIndex(), edit.text()) == (before, "SN-000042")
 
 
+@pytest.mark.long
 def test_scan_on_another_page_is_entered_on_the_operator_page(operator: Operator) -> None:
     window, edit = operator.window, operator.widget("serial_edit", QLineEdit)
     edit.setText("SN-000042")
@@ -57,6 +58,7 @@ def test_scan_on_another_page_is_entered_on_the_operator_page(operator: Operator
     assert "Serial number: accepted" in operator.says()
 
 
+@pytest.mark.long
 def test_scan_of_a_unit_that_has_passed_says_so(operator: Operator) -> None:
     runs = operator.site_folder.runs
     runs.mkdir()
@@ -87,6 +89,7 @@ def test_scan_of_a_unit_that_failed_last_time_says_so(operator: Operator) -> Non
     assert "第 2 次，上次不合格" in operator.widget("slot_1_tile").accessibleName()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("page", ["operator_page", "history_page"])
 def test_scan_during_a_run_is_refused_with_a_sentence_and_a_sound(
     simulated_run: Operator, monkeypatch: pytest.MonkeyPatch, page: str

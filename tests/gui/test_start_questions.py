@@ -240,6 +240,7 @@ def test_operator_cannot_allow_another_attempt(page: str, operator: Operator, st
     assert started == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("page", ["operator_page", "engineer_page"])
 def test_permission_asked_for_is_dropped_with_its_station(
     page: str, operator: Operator, started: list[RunRequest]

@@ -76,6 +76,7 @@ def test_number_for_the_next_run_is_named_so_on_the_engineer_page(
     assert "Serial number: next unit" in operator.says()
 
 
+@pytest.mark.long
 def test_second_window_shows_the_run_of_the_first_one_and_stops_it(
     operator: Operator, second: Operator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -104,6 +105,7 @@ def test_second_window_shows_the_run_of_the_first_one_and_stops_it(
     second.until(lambda: f"{SERIAL}  ·  STOPPING (other window)" in strip_text(second))
 
 
+@pytest.mark.long
 def test_second_window_takes_the_place_of_the_first_one(operator: Operator, second: Operator) -> None:
     second.until(lambda: "This station is open in another window" in second.says())
     operator.window.app.close()

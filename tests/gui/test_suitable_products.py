@@ -47,6 +47,7 @@ def test_products_of_another_rig_are_greyed_with_the_reason(operator: Operator) 
     assert not enabled
 
 
+@pytest.mark.long
 def test_pair_station_leads_to_its_live_monitoring(operator: Operator) -> None:
     app = operator.window.app
     app.set_station(library.find("stations", "virtual_pair"))
@@ -71,6 +72,7 @@ def test_pair_station_leads_to_its_live_monitoring(operator: Operator) -> None:
     assert not live.watching  # nothing starts by itself
 
 
+@pytest.mark.long
 def test_monitoring_is_offered_for_every_product_and_its_state_is_shown(operator: Operator) -> None:
     app, watch = operator.window.app, operator.widget("show_watch_button", QPushButton)
     assert not watch.isVisible(), "the station has one IMU"
@@ -106,6 +108,7 @@ class Watching:
     def close(self) -> None: ...
 
 
+@pytest.mark.long
 def test_stop_and_esc_end_the_live_monitoring(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pair_live, "PairProcess", Watching)
     operator.window.app.set_station(library.find("stations", "virtual_pair"))
@@ -131,6 +134,7 @@ def refuse_start(engineer: Engineer) -> NoticeBar:
     return engineer.page.notice
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("code", "words"), [("en", "the station has none"), ("zh_CN", "温箱")])
 def test_refused_start_is_forgotten_with_its_station_or_product(operator: Operator, code: str, words: str) -> None:
     engineer = Engineer(operator.window, operator.qtbot, operator.site_folder).open_page()
@@ -152,6 +156,7 @@ def test_refused_start_is_forgotten_with_its_station_or_product(operator: Operat
         engineer.until_no_job()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "reason"),
     [("en", "Choose another product, or a station with a chamber."), ("zh_CN", "有温箱的工位")],
@@ -177,6 +182,7 @@ def test_start_is_disabled_on_both_pages_if_the_station_has_no_chamber(
     assert engineer.widget("engineer_start_button", QPushButton).isEnabled()
 
 
+@pytest.mark.long
 def test_registers_are_read_from_the_entered_unit(operator: Operator) -> None:
     engineer = Engineer(operator.window, operator.qtbot, operator.site_folder).open_page()
     engineer.show_view(5)
@@ -193,6 +199,7 @@ def test_registers_are_read_from_the_entered_unit(operator: Operator) -> None:
         assert registers.unit.serial == read, typed
 
 
+@pytest.mark.long
 def test_typed_number_is_kept_if_it_equals_the_suggested_one(operator: Operator) -> None:
     engineer = Engineer(operator.window, operator.qtbot, operator.site_folder)
     engineer.window.show_page("engineer_page")

@@ -128,6 +128,7 @@ def test_small_view_shows_the_curve_only(curves: TemperatureCurves, qtbot: QtBot
     assert curves.plots[0].getAxis("bottom").style["showValues"]
 
 
+@pytest.mark.long
 def test_engineer_page_has_a_view_and_the_worst_values(operator: Operator, result: Result, qtbot: QtBot) -> None:
     operator.window.show_page("engineer_page")
     page: Any = operator.window.findChild(EngineerPage, "engineer_page")

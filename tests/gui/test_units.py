@@ -306,6 +306,7 @@ def test_confirmations_for_several_units_are_asked_one_after_another(
     assert request.serials == ("SN-000001", "SN-000002", "SN-000003")
 
 
+@pytest.mark.long
 def test_tiles_show_unit_and_slot_and_a_click_selects_its_plots(operator: Operator) -> None:
     use_slots(operator, 3)
     begin(operator)
@@ -344,6 +345,7 @@ def test_tiles_show_unit_and_slot_and_a_click_selects_its_plots(operator: Operat
     assert "done" in stages.item(0).data(Qt.ItemDataRole.AccessibleTextRole)
 
 
+@pytest.mark.long
 def test_tile_names_the_own_product_of_its_slot(operator: Operator) -> None:
     operator.site_folder.write(station={"slots": [{"name": "1"}, {"name": "2", "product": "mems_c"}]}, units=2)
     operator.window.app.set_station(operator.site_folder.station)
@@ -361,6 +363,7 @@ def test_tile_names_the_own_product_of_its_slot(operator: Operator) -> None:
     operator.until(lambda: f"2 · {product_text(name)}" in tile(operator, "unit_2_verdict").accessibleName())
 
 
+@pytest.mark.long
 def test_unit_with_a_fault_is_removed_and_the_others_continue(operator: Operator) -> None:
     use_slots(operator, 3)
     begin(operator)
@@ -486,6 +489,7 @@ def test_next_units_are_scanned_while_verdicts_are_shown(operator: Operator) -> 
     assert serials(operator) == ("SN-000004", "SN-000002", "SN-000006"), "its slot in the last run"
 
 
+@pytest.mark.long
 def test_a_fault_of_the_table_ends_the_run_of_all_units(operator: Operator) -> None:
     use_slots(operator, 2)
     begin(operator)
@@ -530,6 +534,7 @@ def test_units_finished_before_a_table_fault_are_not_offered_again(operator: Ope
     assert operator.widget("start_button").isEnabled()
 
 
+@pytest.mark.long
 def test_interrupted_transfer_is_recovered_only_for_its_unit(operator: Operator, started: list[RunRequest]) -> None:
     use_slots(operator, 2)
     begin(operator)
@@ -556,6 +561,7 @@ def test_interrupted_transfer_is_recovered_only_for_its_unit(operator: Operator,
     assert (request.serial, request.serials, request.unfinished) == ("SN-000002", ("", "SN-000002"), "restore")
 
 
+@pytest.mark.long
 def test_table_is_drawn_with_the_axes_of_the_selected_unit(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[np.ndarray] = []
     monkeypatch.setattr(TablePicture, "axes", lambda _, unit, *__: drawn.append(unit))
@@ -572,6 +578,7 @@ def test_table_is_drawn_with_the_axes_of_the_selected_unit(operator: Operator, m
     operator.until(lambda: np.allclose(drawn[-1], turned))
 
 
+@pytest.mark.long
 def test_stop_ends_all_units(operator: Operator) -> None:
     use_slots(operator, 2)
     begin(operator)
@@ -630,6 +637,7 @@ def test_units_finished_before_a_stop_are_not_offered_again(operator: Operator) 
     assert serials(operator) == ("", "SN-000002")
 
 
+@pytest.mark.long
 def test_interrupted_batch_is_resumed_together_from_its_page(operator: Operator, started: list[RunRequest]) -> None:
     """Its units are named, also those that are not resumed; closing it closes the runs of all of them."""
     use_slots(operator, 3)

@@ -43,6 +43,7 @@ def test_pages_are_in_the_expected_order(window: MainWindow) -> None:
     assert [tabs.widget(i).objectName() for i in range(tabs.count())] == PAGES
 
 
+@pytest.mark.long
 def test_stop_has_the_same_position_on_every_page(window: MainWindow, qtbot: QtBot) -> None:
     tabs = window.findChild(QTabWidget, "page_tabs")
     stop = window.findChild(QPushButton, "stop_button")
@@ -235,6 +236,7 @@ def test_tab_order_follows_reading_order(window: MainWindow, qtbot: QtBot) -> No
     assert seen == ["operator_edit", "serial_edit", "product_combo", "start_button"]
 
 
+@pytest.mark.long
 def test_window_starts_without_importing_the_solvers() -> None:
     """Compiled kernels, scipy.stats and the shared database would delay the first paint by more than a second."""
     script = (
@@ -260,6 +262,7 @@ def test_header_fields_are_as_high_as_the_start_button(window: MainWindow, qtbot
     assert header.minimumSizeHint().height() == header.start_button.height() == theme.BIG_BUTTON
 
 
+@pytest.mark.long
 def test_pages_are_not_prepared_during_a_run(window: MainWindow, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(type(window.app.engine_link), "running", True)
     prepared = [tab.prepared for tab in window._tabs.values()]
@@ -270,6 +273,7 @@ def test_pages_are_not_prepared_during_a_run(window: MainWindow, monkeypatch: py
     assert sum(tab.prepared for tab in window._tabs.values()) == sum(prepared) + 1
 
 
+@pytest.mark.long
 def test_preparation_creates_the_views_that_a_run_fills(window: MainWindow, qtbot: QtBot) -> None:
     window.show()
     with qtbot.waitSignal(window.prepared, timeout=60_000):
@@ -278,6 +282,7 @@ def test_preparation_creates_the_views_that_a_run_fills(window: MainWindow, qtbo
     assert None not in (view._view for view in (analysis.result, analysis.observability, analysis.cycle))
 
 
+@pytest.mark.long
 def test_no_widget_has_a_graphics_effect(window: MainWindow) -> None:
     """Every paint of such a widget lays out all hidden pages, which takes longer than the event loop may block."""
     window.create_engineer_page()
@@ -314,6 +319,7 @@ def test_texts_of_the_first_show_keep_their_sizes(window: MainWindow) -> None:
     assert [each for each in zip(before, after, strict=True) if each[0] != each[1]] == []
 
 
+@pytest.mark.long
 def test_focus_returns_to_the_page_after_the_role_panel(window: MainWindow, qtbot: QtBot) -> None:
     """A scan after the sign-in must reach the field for it, not the button in the top bar."""
     window.show()
@@ -336,6 +342,7 @@ def test_focus_returns_to_the_page_after_the_role_panel(window: MainWindow, qtbo
             assert window.focusWidget() is expected
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("code", ["en", "zh_CN"])
 def test_pages_of_a_new_window_need_no_vertical_scroll_bar_at_1280_x_720(window: MainWindow, code: str) -> None:
     window.app.set_language(code)

@@ -96,6 +96,7 @@ def connect(seed: int) -> None:
         assert lost or (listener.end == "freezes" and silent)
 
 
+@pytest.mark.long
 @with_seeds(40)
 def test_engine_learns_once_that_its_listener_is_lost_or_frozen(seeds: range) -> None:
     run_seeds(seeds, connect)

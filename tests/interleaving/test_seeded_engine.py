@@ -279,6 +279,7 @@ def _ignore(*arguments: object) -> None:
     pass
 
 
+@pytest.mark.long
 @with_seeds(6)
 def test_run_ends_safely_with_one_verdict_and_a_complete_log(seeds: range, tmp_path: Path) -> None:
     run_seeds(seeds, lambda seed: run_station(seed, tmp_path))

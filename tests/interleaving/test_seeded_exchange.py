@@ -245,6 +245,7 @@ def site_folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.long
 @with_seeds(3)
 def test_every_run_reaches_the_database_and_all_stations_once(seeds: range, site_folder: Path) -> None:
     run_seeds(seeds, lambda seed: exchange_runs(seed, site_folder))
@@ -257,7 +258,7 @@ PLANTED: dict[str, tuple[object, str, Callable[..., Any]]] = {
 }
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", PLANTED)
 def test_seeds_find_a_fault_of_the_exchange(name: str, site_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(*PLANTED[name])

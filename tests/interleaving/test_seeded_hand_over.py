@@ -87,6 +87,7 @@ def hand_over_runs(seed: int, parent: Path) -> None:
     assert pending.isdisjoint(finished)
 
 
+@pytest.mark.long
 @with_seeds(40)
 def test_every_result_is_handed_over_once(seeds: range, tmp_path: Path) -> None:
     run_seeds(seeds, lambda seed: hand_over_runs(seed, tmp_path))

@@ -54,6 +54,7 @@ def test_unclosed_log_reads_like_a_closed_log(tmp_path: Path, logs: dict[str, by
     assert alike.outcome is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["closed", "left open"])
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())

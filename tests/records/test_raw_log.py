@@ -435,6 +435,7 @@ def check_complete(path: Path, kept: int) -> None:
     assert facts.sha256 == log.stored_sha256
 
 
+@pytest.mark.long
 def test_log_is_completed_on_a_disk_that_other_files_have_filled(tiny_disk: Path, meta: LogMeta) -> None:
     error, kept = fill(tiny_disk / "a.h5", meta)
     assert "The log cannot be written any more (the disk is full)" in error

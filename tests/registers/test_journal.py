@@ -189,6 +189,7 @@ def test_unknown_journal_line_blocks_the_unit(tmp_path: Path, content: dict[str,
     )
 
 
+@pytest.mark.long
 def test_a_truncated_last_line_is_ignored_and_reported(tmp_path: Path) -> None:
     made = begun(tmp_path)
     whole = made.path.read_bytes()

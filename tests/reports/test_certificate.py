@@ -73,6 +73,7 @@ def text_of(page: pypdf.PageObject) -> str:
     return "".join(page.extract_text().replace("\u00ad", "").split())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("made", CASES, indirect=True, ids=KINDS)
 def test_every_page_is_identified_and_the_document_is_complete(made: Made, language: Language) -> None:
@@ -287,6 +288,7 @@ def in_batch(made: Made) -> Made:
     return replace(made, certificate=replace(made.certificate, meta=placed))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
 def test_certificate_of_a_batch_unit_states_its_slot_and_the_other_units(made: Made) -> None:
     label = {"en": "Onthetable", "zh_CN": "在转台上的布置"}

@@ -59,6 +59,7 @@ def first_page(path: Path) -> str:
     return " ".join(pypdf.PdfReader(path).pages[0].extract_text().split())
 
 
+@pytest.mark.long
 def test_result_and_log_give_the_same_certificate_only_once(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
     first, second = gimbal.folder / "first.pdf", gimbal.folder / "second.pdf"
     assert report(gimbal.result_file, "-o", first) == 0

@@ -53,6 +53,7 @@ def attached(pdf: bytes) -> dict[str, Any]:
     return dict(zip(map(str, names[::2]), files, strict=True))
 
 
+@pytest.mark.long
 def test_digital_certificate_is_in_the_pdf_and_in_a_separate_file(result_file: Path, tmp_path: Path) -> None:
     pdf, dcc = tmp_path / "report.pdf", tmp_path / "report.xml"
     command = ["report", str(result_file), "-o", str(pdf), "--dcc", str(dcc)]

@@ -85,6 +85,7 @@ def test_window_asks_for_the_second_person_for_every_copy_and_export(
     assert issue_state(ignore_progress, source(result_file), None, "en").required.second
 
 
+@pytest.mark.long
 def test_recording_without_a_product_requires_no_second_person(result_file: Path) -> None:
     csv = exported_without_files(result_file)
     toml = csv.with_suffix(".toml")

@@ -66,6 +66,7 @@ def site(issued: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Itera
     shutil.copytree(backup, issued)
 
 
+@pytest.mark.long
 def test_intact_evidence_is_confirmed(site: Path) -> None:
     for name in ("first.pdf", "first.xml", "r1.pdf"):
         state = verify_certificate(site / name)

@@ -80,6 +80,7 @@ def assert_continuous(lines: Lines, log: Log) -> None:
     assert (data(lines)[0]["seq"], expected) == (facts.first_seq, facts.last_seq + 1)
 
 
+@pytest.mark.long
 def test_calibration_is_replaced_without_a_gap(first_watch: tuple[Lines, Path], recording: Log) -> None:
     lines, _ = first_watch
     assert (lines[0]["type"], lines[-1]["type"]) == ("start", "end")

@@ -41,6 +41,7 @@ def write(folder: SiteFolder, schedule: dict[str, Any] | None = None, **bench: A
     folder.write({**product, "schedule": {"designed": SCHEDULE | (schedule or {})}}, **bench)
 
 
+@pytest.mark.long
 def test_stage_ends_when_the_limits_are_met_and_re_solves_bit_identically(designed: SiteFolder) -> None:
     ended = designed.run()
     assert ended.verdict.passed, [c for c in ended.result["checks"] if not c["passed"]]

@@ -59,6 +59,7 @@ def test_failing_run_is_announced_and_ended_with_its_verdict(site_folder: SiteFo
     }
 
 
+@pytest.mark.long
 def test_run_that_may_pass_is_not_ended(site_folder: SiteFolder) -> None:
     site_folder.write(STAGES)
     (end,) = end_in_last_stage(site_folder)
@@ -67,6 +68,7 @@ def test_run_that_may_pass_is_not_ended(site_folder: SiteFolder) -> None:
     assert [e.stage for e in site_folder.events_of(StageSolved)] == STAGES["stages"]
 
 
+@pytest.mark.long
 def test_checks_of_effects_are_not_final(site_folder: SiteFolder) -> None:
     site_folder.write({"stages": ["six_position"]})
     solutions: list[Solution] = []

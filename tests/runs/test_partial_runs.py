@@ -28,6 +28,7 @@ def messages(site_folder: SiteFolder) -> list[str]:
     return [m.id for m in site_folder.events_of(Message) if m.id.startswith("prior_")]
 
 
+@pytest.mark.long
 def test_a_partial_run_starts_from_the_current_calibration(site_folder: SiteFolder, shared_runs: SharedRuns) -> None:
     first = shared_runs.passed(site_folder.folder)
     ended = site_folder.run("azimuth_flip")

@@ -59,6 +59,7 @@ def test_run_on_hardware_has_hooks_that_do_nothing(hardware: SiteFolder) -> None
     assert type(unit.hooks) is RunHooks
 
 
+@pytest.mark.long
 def test_preparation_of_a_run_on_hardware_imports_no_simulation(hardware: SiteFolder) -> None:
     command = [sys.executable, "-c", PREPARED]
     done = subprocess.run(command, cwd=hardware.folder, capture_output=True, text=True, check=False)

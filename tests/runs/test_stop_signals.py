@@ -47,15 +47,16 @@ def started(site: SiteFolder, result: Path) -> subprocess.Popen[str]:
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "group"),
     [
         ("SIGTERM", False),
-        pytest.param("SIGQUIT", True, marks=pytest.mark.long),
-        pytest.param("SIGINT", True, marks=pytest.mark.long),
-        pytest.param("SIGHUP", True, marks=pytest.mark.long),
-        pytest.param("SIGQUIT", False, marks=pytest.mark.long),
-        pytest.param("SIGUSR1", True, marks=pytest.mark.long),
+        ("SIGQUIT", True),
+        ("SIGINT", True),
+        pytest.param("SIGHUP", True, marks=pytest.mark.exhaustive),
+        pytest.param("SIGQUIT", False, marks=pytest.mark.exhaustive),
+        pytest.param("SIGUSR1", True, marks=pytest.mark.exhaustive),
     ],
 )
 def test_signal_stops_a_run_safely_and_the_command_waits_for_it(tmp_path: Path, name: str, group: bool) -> None:
