@@ -77,13 +77,14 @@ def require_latitude(meta: LogMeta, solutions: Sequence[Solution]) -> None:
 
 
 def unconfirmed_latitude(meta: LogMeta, solutions: Sequence[Solution]) -> dict[str, str | float] | None:
-    """Return the first inconsistent stage and its assumed latitude if no rest has confirmed the latitude.
+    """Return the first inconsistent stage and its assumed latitude if no stage has rests that confirm the latitude.
 
     The unit may nevertheless be good: rests in one attitude, as in `rate`, do not separate earth rate from a bias.
-    Return None if the latitude was confirmed, if the gyros cannot resolve earth rate, or if every stage is consistent.
+    Return None if a stage measured the latitude or has rests with the unit upright and inverted, if the gyros cannot
+    resolve earth rate, or if every stage is consistent.
     """
     inconsistent = [s.stage for s in solutions if not (s.consistency.passed or method(s.stage).needs_no_table)]
-    if not inconsistent or _measured_latitude(solutions) is not None:
+    if not inconsistent or any(s.latitude is not None or _is_inverted(s) for s in solutions):
         return None
     if not resolves_earth_rate(context_from_meta(meta).imu):
         return None
@@ -93,6 +94,11 @@ def unconfirmed_latitude(meta: LogMeta, solutions: Sequence[Solution]) -> dict[s
 def latitude_agrees(checks: Iterable[Check]) -> bool:
     """Return whether no latitude check failed; a run can be resumed only at the same location."""
     return all(check.passed for check in checks if check.kind == "latitude")
+
+
+def _is_inverted(solution: Solution) -> bool:
+    """Return whether a stage has rests with the unit upright and inverted: it separates biases and scale factors."""
+    return all(f"accel_{kind}_{axis}" in solution.estimated for kind in ("bias", "scale") for axis in "xyz")
 
 
 def _measured_latitude(solutions: Sequence[Solution]) -> LatitudeEstimate | None:

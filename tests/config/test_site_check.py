@@ -154,6 +154,10 @@ def test_no_latitude_check_without_a_latitude_estimate() -> None:
 def test_inconsistent_stage_reports_an_unconfirmed_latitude() -> None:
     log_meta, diagnosis = meta(NAV, "six_position"), solved(None, nis=5.0)
     assert unconfirmed_latitude(log_meta, diagnosis) == {"stage": "six_position", "latitude": 34.25}
+    both = tuple(f"accel_{kind}_{axis}" for kind in ("bias", "scale") for axis in "xyz")
+    (upright_and_inverted,) = (replace(each, estimated=both) for each in solved(None))
+    assert unconfirmed_latitude(log_meta, (upright_and_inverted, *diagnosis)) is None, "this run can measure it"
+    assert unconfirmed_latitude(log_meta, (*solved(LatitudeEstimate(0.5978, 1e-4)), *diagnosis)) is None
     assert unconfirmed_latitude(log_meta, solved(None)) is None
     assert unconfirmed_latitude(log_meta, solved(LatitudeEstimate(0.5978, 1e-4), nis=5.0)) is None
     assert unconfirmed_latitude(meta(MEMS, "six_position"), diagnosis) is None
