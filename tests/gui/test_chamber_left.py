@@ -3,6 +3,7 @@
 import pytest
 from PySide6.QtWidgets import QPushButton
 
+from calstation.errors import InputError
 from calstation.gui.operator.advice import next_action
 from calstation.results import History, Result
 from calstation.runs import close_incomplete_job, find_chamber_left, finish_incomplete
@@ -25,19 +26,28 @@ def die(operator: Operator, *events: Event, solved: int = 1) -> None:
 
 
 @pytest.mark.parametrize(
-    ("language", "title", "why", "offer"),
+    ("language", "badge", "reading", "title", "why", "offer"),
     [
         (
             "en",
+            "KEEP CHAMBER CLOSED",
+            "The program is reading the runs",
             "Keep the chamber closed: its temperature is not known",
             "Look at the chamber, then press “I looked at the chamber”.",
             "SN-000003 was interrupted in stage 2",
         ),
-        ("zh_CN", "请勿打开温箱：其温度未知", "请先查看温箱，再按“已查看温箱”。", "SN-000003 在第 2 阶段"),
+        (
+            "zh_CN",
+            "请勿打开温箱",
+            "正在读取标定记录",
+            "请勿打开温箱：其温度未知",
+            "请先查看温箱，再按“已查看温箱”。",
+            "SN-000003 在第 2 阶段",
+        ),
     ],
 )
 def test_chamber_of_a_run_that_died_must_be_looked_at_before_anything_else(
-    operator: Operator, language: str, title: str, why: str, offer: str
+    operator: Operator, language: str, badge: str, reading: str, title: str, why: str, offer: str
 ) -> None:
     app, page = operator.window.app, operator.window.operator_page
     die(operator, SOAK)
@@ -48,6 +58,9 @@ def test_chamber_of_a_run_that_died_must_be_looked_at_before_anything_else(
     page._starting.interrupted.recover()
     assert not start.isEnabled(), "the runs have not been read yet"
     assert app.run.why_not_start == "operator.chamber_unchecked"
+    assert reading in operator.message
+    assert badge in operator.says().split("\n")
+    assert not page._loading.isVisible(), "its steps open the chamber"
     operator.until(lambda: title in operator.says())
     assert not start.isEnabled()
     assert start.toolTip() == why
@@ -60,6 +73,21 @@ def test_chamber_of_a_run_that_died_must_be_looked_at_before_anything_else(
     page._starting.interrupted.recover()
     operator.until(lambda: offer in operator.says())
     assert title not in operator.says(), "it has been looked at after this run"
+
+
+def test_chamber_must_be_looked_at_if_the_runs_cannot_be_read(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    die(operator)
+    interrupted = operator.window.operator_page._starting.interrupted
+    monkeypatch.setattr(interrupted._chamber, "start", lambda *_: None)
+    interrupted.recover()
+    assert operator.window.app.run.why_not_start == "operator.chamber_unchecked"
+    interrupted._chamber_not_found(InputError("result.unreadable", file="x", reason="x"))
+    operator.until(lambda: "its temperature is not known" in operator.says())
+    assert not operator.widget("start_button", QPushButton).isEnabled()
+    operator.press("operator_page_chamber_notice_close")
+    assert operator.window.app.run.why_not_start == ""
 
 
 @pytest.mark.long
@@ -77,7 +105,7 @@ def test_engineer_starts_nothing_before_the_chamber_was_looked_at(operator: Oper
     operator.window.show_page("engineer_page")
     start = operator.widget("engineer_start_button", QPushButton)
     run.set_chamber_left(None)
-    assert "the runs are read" in start.toolTip()
+    assert "reading the runs" in start.toolTip()
     run.set_chamber_left(True)
     assert "Look at the chamber" in start.toolTip()
     run.acknowledge_chamber()

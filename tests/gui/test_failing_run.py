@@ -2,7 +2,7 @@
 
 import pytest
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QPushButton
+from PySide6.QtWidgets import QFrame, QLabel, QPushButton
 
 from calstation.messages import Text
 from calstation.sequencer import Command, Message, StageEnded, StageStarted, StateChanged
@@ -36,10 +36,12 @@ def fail(operator: Operator) -> None:
 def test_reason_is_stated_and_the_run_is_ended(simulated_run: Operator, sent: list[Command]) -> None:
     operator = simulated_run
     fail(operator)
-    assert "The residuals of Rate are inconsistent (3.2; allowed: 1.1)." in operator.says()
+    notice = "\n".join(text.text() for text in operator.widget("failing_notice").findChildren(QLabel))
+    assert "even if every sigma reaches its target; “Events” shows why." in notice
+    assert "residuals" not in notice + operator.message, "figures for experts"
     operator.window.app.set_language("zh_CN")
     assert "本次标定将判为不合格" in operator.says()
-    assert "速率的残差不一致（3.2，允许 1.1）" in operator.says()
+    assert "即使标准差全部达标，以后的阶段也无法改变；原因见“事件”。" in operator.says()
     operator.window.app.set_language("en")
     operator.qtbot.keyClick(operator.window.focusWidget() or operator.window, Qt.Key.Key_Return)
     assert sent == []  # Enter of a scan ends nothing

@@ -205,3 +205,17 @@ def test_operator_page_shows_the_guide_on_a_manual_rig(
     assert not page._live.table.isVisible()
     operator.press("finish_positions_button")
     assert sent == [Command.END_STAGE]
+
+
+@pytest.mark.parametrize(("code", "badge", "task"), [("en", "PAUSED", "Paused."), ("zh_CN", "已暂停", "已暂停。")])
+def test_paused_run_commands_no_rotation(panel: PositionPanel, code: str, badge: str, task: str) -> None:
+    language.use(code)
+    panel.show_position(guided("moving"))
+    moving = panel.task_label.text()
+    panel.show_state("paused")
+    panel.show_position(guided("moving"))
+    assert panel.badge.text() == badge
+    assert panel.task_label.text().startswith(task)
+    assert not panel.finish_button.isVisible()
+    panel.show_state("running")
+    assert panel.task_label.text() == moving

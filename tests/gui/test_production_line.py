@@ -359,7 +359,7 @@ def test_label_is_printed_on_request_and_reprinted_from_the_history(
     run_to_pass(operator)
     assert received == []
     operator.press("label_button")
-    operator.until(lambda: "Labels sent to the printer: 1" in operator.says())
+    operator.until(lambda: f"Labels sent to the printer: {SERIAL}" in operator.says())
     operator.until(lambda: received)
     assert f"^FD{SERIAL}^FS".encode() in received[0]
     assert b"^FDshort test bench " in received[0]

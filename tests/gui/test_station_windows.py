@@ -83,6 +83,7 @@ def test_second_window_shows_the_run_of_the_first_one_and_stops_it(
     second.until(lambda: "This station is open in another window" in second.says())
     assert "READY (other window)" in second.says()
     assert second.message == "This station is open in another window"
+    assert "This station and product cannot run" not in second.says()
     second.scan(SERIAL)
     second.window.create_engineer_page()
     for start in (second.widget("start_button", QPushButton), second.widget("engineer_start_button", QPushButton)):
@@ -103,6 +104,10 @@ def test_second_window_shows_the_run_of_the_first_one_and_stops_it(
     second.qtbot.mouseClick(second.window.stop_button, Qt.MouseButton.LeftButton)
     operator.until(lambda: commands == [Command.STOP])
     second.until(lambda: f"{SERIAL}  ·  STOPPING (other window)" in strip_text(second))
+    second.window.show_page("operator_page")
+    assert second.message == "Stopping. This station is open in another window"
+    second.window.app.set_language("zh_CN")
+    assert second.message == "正在停止。这个工位已在另一个窗口中打开"
 
 
 @pytest.mark.long

@@ -48,7 +48,7 @@ class InterruptedRuns(QObject):
         self._recovering = False  #: Whether `recover` has been called.
         #: Start of the run that left the chamber at an unknown temperature; "" for none.
         self._left = ""
-        self._chamber = app.job(self, find_chamber_left, self._chamber_found, failed=lambda _: self._chamber_found(""))
+        self._chamber = app.job(self, find_chamber_left, self._chamber_found, failed=self._chamber_not_found)
         self._recovery = app.job(
             self, recover_at_startup, lambda done: self._show_delivery(done.delivery), failed=self._recovery_failed
         )
@@ -97,6 +97,13 @@ class InterruptedRuns(QObject):
         """Offer what was found while the table might still have moved."""
         if self._recovering and not incomplete and self._app.run.state == "idle":
             self.offer(self._serials, self._log, self._otherwise)
+
+    def _chamber_not_found(self, _: CalstationError) -> None:
+        """Have the operator look at the chamber if the runs cannot be read."""
+        awaited = self._app.run.chamber.unchecked
+        self._app.run.set_chamber_left(awaited)
+        if not awaited:
+            self.offer()
 
     def _chamber_looked_at(self) -> None:
         if self._left:

@@ -26,14 +26,14 @@ from calstation.gui.operator.questions import (
     has_pair,
     progress_message,
     unsuitable_products,
+    urgent_message,
 )
 from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
 from calstation.gui.operator.units import SlotsPanel, VerdictGrid
 from calstation.gui.operator.verdict import VerdictPanel
-from calstation.gui.state import AppContext, EventLog, ExchangeLabel, Page, chamber_reason, run_badge
+from calstation.gui.state import AppContext, EventLog, ExchangeLabel, Page, run_badge
 from calstation.gui.text import (
-    fault_text,
     language,
     offered_products,
     on_language_change,
@@ -96,7 +96,11 @@ class OperatorPage(Page):
         self._unusable = EmptyState(title="operator.unusable", text="operator.about_unusable")
         self._unconfirmed = EmptyState(title="operator.chamber_unknown", text="operator.chamber_unconfirmed")
         self._unsafe = EmptyState(title="operator.table_unsafe", text="operator.table_unconfirmed")
-        waiting = (self._unusable, self._unconfirmed, self._unsafe)
+        self._unchecked = EmptyState(title="operator.chamber_closed", text="operator.chamber_unchecked")
+        other_window = Text("question.other_window")
+        title, remedy = lambda: rendered(other_window).text, lambda: rendered(other_window).remedy
+        self._elsewhere = EmptyState(title=title, text=remedy)
+        waiting = (self._unusable, self._unconfirmed, self._unsafe, self._unchecked, self._elsewhere)
         self._views = stack(*waiting, self._loading, self._slots, self._live, self._verdicts, self._verdict)
         self._progress = progress_bar(theme.GRID, "run_progress")
         self._message, self._badge = label(name="message_label", wrap=True), StateBadge(theme.SECTION)
@@ -434,9 +438,12 @@ class OperatorPage(Page):
         returning = run.chamber.access == "closed" and self.app.engine_link.running
         if run.state == "idle" and not returning:
             loading: QWidget = self._slots if self._starting.slots else self._loading
-            loading = self._unconfirmed if run.chamber.must_stay_closed else loading
+            if run.chamber.must_stay_closed:
+                loading = self._unchecked if run.chamber.unchecked else self._unconfirmed
             loading = self._unsafe if run.stop_incomplete else loading
-            self._views.setCurrentWidget(self._unusable if self._problem is not None else loading)
+            elsewhere = run.elsewhere is not None
+            loading = self._elsewhere if elsewhere else self._unusable if self._problem is not None else loading
+            self._views.setCurrentWidget(loading)
         elif run.fault is None and (returning or not run.finalized) and self.app.engine_link.running:
             self._views.setCurrentWidget(self._live)
             self._verdicts.prepare()
@@ -472,14 +479,8 @@ class OperatorPage(Page):
 
     def _message_text(self) -> str:
         run = self.app.run
-        if run.fault is not None:
-            return fault_text(run.fault, engineer=self.app.role.engineer).text
-        if run.stop_incomplete:
-            return say("advice.stop_incomplete")
-        if run.chamber.must_stay_closed:
-            return say("operator.chamber_message", reason=chamber_reason(run))
-        if run.elsewhere is not None:
-            return rendered(Text("question.other_window")).text
+        if urgent := urgent_message(run, engineer=self.app.role.engineer):
+            return urgent
         if run.display_state == "idle" and self.header.badge_field.required:
             return say("operator.sign_in")
         if run.display_state == "idle" and self._starting.refused is not None:

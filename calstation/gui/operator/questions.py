@@ -8,10 +8,19 @@ from pathlib import Path
 from calstation.config import ManualRigError, Person, RunRequest, load_station, product_error
 from calstation.database import Claim
 from calstation.errors import CalstationError
-from calstation.gui.state import AppContext, PeoplePanel, RunStatus
-from calstation.gui.text import engineer_corrects, for_operator, rendered, say, step_sentence, term
+from calstation.gui.state import AppContext, PeoplePanel, RunStatus, chamber_reason
+from calstation.gui.text import (
+    engineer_corrects,
+    fault_text,
+    for_operator,
+    language,
+    rendered,
+    say,
+    step_sentence,
+    term,
+)
 from calstation.gui.widgets import Choice, NoticeBar
-from calstation.messages import Text, event_text
+from calstation.messages import Text, event_text, joined
 from calstation.runs import Question, Role, RunStart
 from calstation.validation import find_validation_due
 
@@ -82,6 +91,8 @@ def progress_message(run: RunStatus) -> str:
     """Return what a run that has not ended does."""
     if run.state == "stopping" and not run.commanded:
         return say("operator.message_stopping_connecting")
+    if run.state == "stopping" and run.table_stopped:
+        return say("operator.message_table_stopped")
     if run.state in ("stopping", "paused"):
         return say(f"operator.message_{run.state}{'_manual' if run.by_hand else ''}")
     if run.pause_requested:
@@ -91,7 +102,26 @@ def progress_message(run: RunStatus) -> str:
     kind, key, values = run.latest
     if key == "carry" and run.stage is not None:  # the position panel gives the instruction
         return term("stage", run.stage.name)
+    if key == "will_fail":  # the reason is for engineers
+        return rendered(Text("question.will_fail")).text
     return say(event_text(key, values)) if kind == "message" else step_sentence(key, values)
+
+
+def urgent_message(run: RunStatus, *, engineer: bool) -> str:
+    """Return what to know before anything else: a fault, a moving table, the chamber, or a run in another window; "" for nothing."""
+    table = say("operator.message_table_stopped") if run.table_stopped else ""
+    if run.fault is not None:
+        return joined(fault_text(run.fault, engineer=engineer).text, table, language.current())
+    if run.stop_incomplete:
+        return say("advice.stop_incomplete")
+    if run.chamber.must_stay_closed:
+        closed = say("operator.chamber_message", reason=chamber_reason(run))
+        return joined(table, closed, language.current()) if table and run.state == "stopping" else closed
+    if run.elsewhere is None:
+        return ""
+    other = rendered(Text("question.other_window")).text
+    stopping = run.elsewhere[1] == "stopping"
+    return joined(say("operator.message_stopping_manual"), other, language.current()) if stopping else other
 
 
 def refusal(code: str, error: CalstationError, *, engineer: bool) -> Text:
@@ -116,15 +146,14 @@ class FailingNotice(NoticeBar):
         run.changed.connect(self._run_changed)
 
     def _run_changed(self) -> None:
-        failing = self._run.failing
-        if failing is None:
+        if not self._run.failing:
             self._asked = False
             if self.asking:
                 self.dismiss()
         elif not self._asked:
             self._asked = True
             answers = {"end_failing": self._run.end_failing, "stay": self._answered}
-            ask(self, "bad", Text.of("question.will_fail", why=failing), answers)
+            ask(self, "bad", Text("question.will_fail"), answers)
 
 
 class StartDialog:

@@ -33,10 +33,12 @@ class ChamberNotice(NoticeBar):
 
 
 def chamber_reason(run: RunStatus) -> str:
-    """Return why the chamber must stay closed after a run; "" if it may be opened."""
+    """Return why the chamber must stay closed; "" if it may be opened."""
     chamber = run.chamber
     if not chamber.must_stay_closed:
         return ""
+    if chamber.unchecked:
+        return say("operator.chamber_unchecked")
     if chamber.access == "unknown":
         return say("operator.chamber_unknown_remedy")
     latest = chamber.latest

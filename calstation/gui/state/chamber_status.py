@@ -60,8 +60,8 @@ class ChamberStatus:
 
     @property
     def must_stay_closed(self) -> bool:
-        """Whether the run has ended, or is about to, and the chamber must not be opened yet."""
-        return self.access in ("closed", "unknown")
+        """Whether the chamber must not be opened after a run, or before it is known how the last one left it."""
+        return self.unchecked or self.access in ("closed", "unknown")
 
     @property
     def farthest(self) -> tuple[str | None, float, float] | None:

@@ -9,6 +9,7 @@ from calstation.config import RunRequest
 from calstation.errors import CalstationError
 from calstation.gui.state.chamber_status import ChamberStatus
 from calstation.gui.state.engine_link import EngineLink
+from calstation.gui.state.table_status import TableStatus
 from calstation.gui.state.unit_status import TRANSFER, StageState, UnitStatus, completed_stages, stage_rows
 from calstation.gui.text import rendered, say
 from calstation.messages import Text
@@ -103,6 +104,7 @@ class RunStatus(QObject):
         self.resumable = False
         #: Whether a command of the safe stop failed, so that the table may still move; until its fault is reset.
         self.stop_incomplete = False
+        self.table = TableStatus()
         #: State of the chamber of a run over temperature.
         self.chamber = ChamberStatus()
         #: Station time since which the chamber goes to the temperature at which registers are verified, s, or None.
@@ -136,6 +138,11 @@ class RunStatus(QObject):
     def by_hand(self) -> bool:
         """Whether the run is on a manual rig."""
         return self.run_summary is not None and self.run_summary.by_hand
+
+    @property
+    def table_stopped(self) -> bool:
+        """Whether a driven table, which has been commanded, is at rest with its axes off after a stop or a fault."""
+        return self.table.stopped and self.commanded and not (self.by_hand or self.stop_incomplete)
 
     @property
     def joint_order(self) -> str:
@@ -292,11 +299,10 @@ class RunStatus(QObject):
             self.changed.emit()
 
     @property
-    def failing(self) -> Text | None:
-        """Why every unit in progress will fail, as the message about the first of them, or None."""
+    def failing(self) -> bool:
+        """Whether every unit in progress will fail."""
         units = [unit for unit in self.units if unit.verdict is None] if self.in_progress else []
-        reasons = [unit.failing for unit in units if unit.failing is not None]
-        return Text("event.will_fail", reasons[0]) if units and len(reasons) == len(units) else None
+        return bool(units) and all(unit.failing for unit in units)
 
     def end_failing(self) -> None:
         """End the run of units that will fail after the current step; they are judged from their solved stages."""
@@ -364,9 +370,9 @@ class RunStatus(QObject):
             return "operator.fault_open"
         if self.stop_incomplete:
             return "operator.table_unconfirmed"
-        if self.chamber.must_stay_closed:
-            return "operator.chamber_unconfirmed"
-        return "operator.chamber_unchecked" if self.chamber.unchecked else ""
+        if self.chamber.unchecked:
+            return "operator.chamber_unchecked"
+        return "operator.chamber_unconfirmed" if self.chamber.must_stay_closed else ""
 
     def why_no_run(self, *, engineer: bool) -> str:
         """Return why no run may start with the station and the product, to an engineer or an operator, or ""."""
@@ -387,7 +393,7 @@ class RunStatus(QObject):
             self.register_operation = self._link.operation is not None
             self.fault = self.latest = None
             self.resumable = request.resume is not None
-            self.chamber = ChamberStatus()
+            self.chamber, self.table = ChamberStatus(), TableStatus()
             self.registers = self.stage_ending = ""
             self.unloading = self.pause_requested = False
             self._soaks_from = None
@@ -430,6 +436,7 @@ class RunStatus(QObject):
             self.chamber.resume()
             self._changed_timer.start()
         self.chamber.handle_event(event)
+        self.table.handle_event(event)
         if can_be_resumed([{"event": type(event).__name__}]):
             self.resumable = True
         if isinstance(event, Message) and event.id == "safe_stop_incomplete" and event.values.get("table"):

@@ -152,7 +152,7 @@ class PauseButton(QPushButton):
         run = self._run
         state = "requested" if run.pause_requested else run.display_state if run.in_progress else "idle"
         enable(self, "" if state in ("running", "paused") else term("no_pause", state))
-        self.setText(say("common.resume" if run.state in ("pausing", "paused") else "operator.pause"))
+        self.setText(say("common.resume" if run.state == "paused" else "operator.pause"))
 
 
 class ExchangeLabel(PlainLabel):

@@ -124,7 +124,7 @@ class UnitStatus:
     remarks: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
     #: Values of an interrupted register transfer on which the operator has to decide, or None.
     transfer: Mapping[str, Any] | None = None
-    failing: Mapping[str, Any] | None = None  #: Values of the message that the unit will fail, or None.
+    failing: bool = False  #: Whether the unit will fail, whatever the remaining stages give.
     fault: Fault | None = None  #: Fault of the unit or of the table, at a station with several slots.
     finalized: Finalized | None = None
     result: Result | None = None  #: Result with the verdict.
@@ -229,7 +229,7 @@ class UnitStatus:
         # with several units, the reference capture may be for another unit
         starts = _TRANSFER_STARTS if self.slot else (*_TRANSFER_STARTS, "reference")
         if message == "will_fail":
-            self.failing = values
+            self.failing = True
         elif message == "transfer_open":
             self.transfer = values
         elif message == "stopped_early":

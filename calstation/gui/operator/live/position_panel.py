@@ -6,7 +6,7 @@ from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QSizePolicy, QWidget
 
 from calstation.gui.operator.live.position_picture import PositionPicture
-from calstation.gui.text import on_language_change, rendered, say, with_minus
+from calstation.gui.text import KINDS, on_language_change, rendered, say, term, with_minus
 from calstation.gui.widgets import StateBadge, button, column, enable, label, row, theme
 from calstation.messages import Text
 from calstation.runs import RunSummary
@@ -29,6 +29,7 @@ class PositionPanel(QFrame):
         self.setProperty("kind", "panel")
         self._guided: PositionGuided | None = None
         self._finishing = self._finished = False
+        self._halted = ""  #: State of a run that is paused or stopping, in which the operator turns nothing.
         self.picture = PositionPicture()
         self.badge = StateBadge(_STATE_SIZE)
         self.task_label, self.count_label = label(wrap=True), label()
@@ -51,7 +52,7 @@ class PositionPanel(QFrame):
 
     def set_run(self, run_summary: RunSummary) -> None:
         """Show the rig and the positions of a run."""
-        self._guided, self._finishing, self._finished = None, False, False
+        self._guided, self._finishing, self._finished, self._halted = None, False, False, ""
         self.picture.set_plan(run_summary)
         self._refresh()
 
@@ -60,6 +61,13 @@ class PositionPanel(QFrame):
         self._guided, self._finished = guided, False
         self.picture.show_position(guided)
         self._refresh()
+
+    def show_state(self, state: str) -> None:
+        """Show the state of the run instead of instructions if it is paused or stopping."""
+        halted = state if state in ("paused", "stopping") else ""
+        if halted != self._halted:
+            self._halted = halted
+            self._refresh()
 
     def finish_stage(self) -> None:
         """Show that the positions of the stage are complete."""
@@ -78,6 +86,13 @@ class PositionPanel(QFrame):
 
     def _refresh(self) -> None:
         now = self._guided
+        if self._halted:
+            self.badge.show_state(KINDS[self._halted], term("badge", self._halted))
+            self.task_label.setText(say(f"operator.message_{self._halted}_manual"))
+            for text in (self.count_label, self._note):
+                text.clear()
+            self.finish_button.setVisible(False)
+            return
         if self._finished or now is None:
             texts = rendered(Text.of("position.finished" if self._finished else "position.before"))
             self.badge.show_state("good" if self._finished else "none", texts.text)

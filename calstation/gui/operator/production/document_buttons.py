@@ -113,7 +113,7 @@ class LabelButton(_DocumentButton):
     def _printed(self, pdfs: list[Path]) -> None:
         self._unprinted.dismiss()
         if not pdfs:
-            self._notice.ask("good", Text.of("operator.labels_printed", count=len(self._printing)), "")
+            self._notice.ask("good", Text.of("operator.labels_printed", serials=list(self._printing)), "")
         elif len(pdfs) == 1:
             self._notice.inform("good", "operator.label_saved", lambda: str(pdfs[0]), self._then)
             self.open(pdfs[0])

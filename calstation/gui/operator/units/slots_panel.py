@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame
 
-from calstation.gui.operator.units.tiles import Tile, arrange, pass_clicks
+from calstation.gui.operator.units.tiles import COLUMNS, Tile, arrange, pass_clicks
 from calstation.gui.state import Slot, Slots
 from calstation.gui.text import KINDS, language, on_language_change, product_text, rendered, say, term
 from calstation.gui.widgets import (
@@ -23,18 +23,24 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import Text, joined
 
+#: Font size in tall tiles, px.
+_TALL_SIZE = 28
+
 
 class _SlotTile(Tile):
-    """Tile with the name of a slot above the serial number of its unit, and a button that clears or skips the slot."""
+    """Tile with the name of a slot above the serial number of its unit, and a button that clears or skips the slot.
 
-    def __init__(self, slot: Slot, slots: Slots, prefix: str) -> None:
+    If it is `tall`, its texts are larger, and the button is below them.
+    """
+
+    def __init__(self, slot: Slot, slots: Slots, prefix: str, *, tall: bool) -> None:
         super().__init__(f"{prefix}slot_{slot.name}_tile")
         self.slot, self._slots = slot, slots
         self._icon, self._name = StateIcon(18), ElidedLabel("muted")
         # serial numbers differ at their end
         self._last_icon, self._last = StateIcon(16), ElidedLabel(mode=Qt.TextElideMode.ElideMiddle)
         self._serial, self._note = ElidedLabel(), ElidedLabel("muted")
-        self._serial.setFont(theme.font(theme.SECTION, bold=True))
+        self._serial.setFont(theme.font(_TALL_SIZE if tall else theme.SECTION, bold=True))
         self.action = button(f"{prefix}slot_{slot.name}_button", pressed=self._act)
         # after a click on the button, the keys of a scan must not press it
         self.action.setFocusPolicy(Qt.FocusPolicy.TabFocus)
@@ -42,13 +48,17 @@ class _SlotTile(Tile):
         policy.setRetainSizeWhenHidden(True)  # the names in all tiles stay at the same height
         self.action.setSizePolicy(policy)
         head = row(self._icon, (self._name, 1), self._last_icon, (self._last, 9), spacing=theme.GRID)
-        unit = row((column(None, self._serial, self._note, None, spacing=0), 1), self.action, spacing=theme.GRID)
+        texts = column(None, self._serial, self._note, None, spacing=0)
+        beside, below = (texts, 1), row(self.action, None)
+        unit = column(texts, below, spacing=theme.GRID) if tall else row(beside, self.action, spacing=theme.GRID)
         margins = (theme.GRID, theme.GRID // 4, theme.GRID, theme.GRID // 4)
         column(None, head, unit, None, on=self, spacing=0, margins=margins)
         pass_clicks(self._icon, self._name, self._last_icon, self._last, self._serial, self._note)
         self._name.setText(slot.name)
         self._name.setMinimumWidth(3 * theme.GRID)
-        self._name.setFont(theme.font(theme.SECTION))
+        self._name.setFont(theme.font(_TALL_SIZE if tall else theme.SECTION))
+        for text in (self._note, self._last) if tall else ():
+            text.setFont(theme.font(theme.SECTION))
         self.clicked.connect(lambda: slots.choose(slot))
 
     def refresh(self, product: str) -> None:
@@ -74,7 +84,7 @@ class _SlotTile(Tile):
         if slot.last is not None:
             serial, state = slot.last
             last = say("operator.last_unit", serial=serial, state=term("badge", state))
-            self._last.setText(say("operator.last_serial", serial=serial))  # the symbol shows its verdict
+            self._last.setText(serial)  # the symbol shows its verdict, and the text above the tiles says what it is
             self._last_icon.set_kind(KINDS.get(state, "none"))
         self._last_icon.setVisible(bool(last))
         self._last.setVisible(bool(last))
@@ -117,7 +127,8 @@ class SlotsPanel(QFrame):
 
     def _refresh(self) -> None:
         if [tile.slot for tile in self._tiles] != list(self._slots):
-            self._tiles = [_SlotTile(slot, self._slots, self._prefix) for slot in self._slots]
+            tall = len(self._slots.serials) <= COLUMNS
+            self._tiles = [_SlotTile(slot, self._slots, self._prefix, tall=tall) for slot in self._slots]
             for tile in self._tiles:
                 tile.clicked.connect(self.clicked)
                 tile.action.clicked.connect(self.clicked)

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
 )
 
 from calstation.gui.state import TRANSFER, RunStatus, UnitStatus
-from calstation.gui.text import KINDS, bind, fault_text, on_language_change, product_text, rendered, say, term
+from calstation.gui.text import KINDS, bind, fault_text, on_language_change, product_text, say, term
 from calstation.gui.widgets import ElidedLabel, StateIcon, clear, column, grid, label, plain_tip, row, theme
 
 #: Maximum number of tiles in a row.
@@ -172,8 +172,6 @@ class UnitTiles(QWidget):
         bad = next((stage for stage in unit.stages if stage.state == "bad"), None)
         stage, ratio = unit.stage, run.sigma_ratio(unit)
         text = ""
-        if unit.failing is not None:
-            return "bad", rendered(unit.failing["why"]).text
         if bad is not None:
             text = _named(term("stage", bad.name), term("stage_state", "bad"))
         elif stage is not None and stage.state == "solving":
@@ -181,14 +179,15 @@ class UnitTiles(QWidget):
         elif stage is not None and stage.name == TRANSFER:
             text = term("stage", stage.name)
         elif ratio is not None:
-            text = say("operator.sigma_share", share=f"{ratio:.2g}" if ratio < 10.0 else f"{ratio:.0f}")
-            if ratio <= 1.0:
-                text = say("operator.sigma_reached", sigma=text)
+            share = f"{ratio:.2g}" if ratio < 10.0 else f"{ratio:.0f}"
+            text = say("operator.sigma_reached" if ratio <= 1.0 else "operator.sigma_share", share=share)
         elif stage is not None:
             text = term("stage", stage.name)
         elif solved := [stage for stage in unit.stages if stage.state == "good"]:
             text = _named(term("stage", solved[-1].name), term("stage_state", "good"))
         kind = KINDS["paused"] if run.state == "paused" else "active"
+        if unit.failing and bad is None:
+            return "bad", say("operator.will_fail")
         return "bad" if bad is not None else kind, text or say("operator.unit_preparing")
 
 

@@ -1,0 +1,21 @@
+"""The state of the table at the end of a run, which is derived from the events of the engine."""
+
+from calstation.sequencer import Event, JointsMoved, StateChanged, TableMoved
+
+
+class TableStatus:
+    """Whether a safe stop has brought the table to rest and switched its axes off, unless a command of it failed."""
+
+    def __init__(self) -> None:
+        self.stopped = False
+        #: Whether the engine has confirmed a stop; it then shows the table again after the safe stop.
+        self._stopping = False
+
+    def handle_event(self, event: Event) -> None:
+        """Process an event; the sequencer is ``stopped`` or in ``fault`` only after its safe stop."""
+        match event:
+            case StateChanged():
+                self._stopping = event.state == "stopping"
+                self.stopped = event.state in ("stopped", "fault")
+            case TableMoved() | JointsMoved() if self._stopping:
+                self.stopped = not event.moving
