@@ -5,11 +5,16 @@ import tomllib
 
 import pytest
 import tomli_w
-from PySide6.QtWidgets import QPushButton
+from PySide6.QtGui import QFontMetricsF
+from PySide6.QtWidgets import QLabel, QPushButton
+from pytestqt.qtbot import QtBot
 
+from calstation.estimation import Diagnosis
 from calstation.gui.operator import advice
 from calstation.gui.operator.questions import ask as ask_notice
+from calstation.gui.operator.verdict import FiguresTable
 from calstation.gui.text import check_text, fault_text, language, rendered, say
+from calstation.gui.widgets import theme
 from calstation.judgement import Check, Where
 from calstation.messages import Text, catalogue
 from calstation.physics import limit_number
@@ -210,3 +215,61 @@ def test_operators_read_plain_words_in_both_languages() -> None:
     assert rendered(Text.of("question.units_passed_before", serials=["SN-1"])).text == "SN-1 已经合格"
     language.use("en")
     assert "ask an engineer (sample rate)" in rendered(late).remedy
+
+
+def test_reason_of_a_failure_is_the_most_likely_cause_in_whole_sentences() -> None:
+    values = {"during": "rate", "parameter": "gyro_bias_z"}
+    jump = Diagnosis("jump", -3e-6, 1e-8, "rad/s", {"gyro_bias_z": -16645.0}, values)
+    check = Check("effects", "rate", 9.0, 1.0, "1", False, diagnosis=jump)
+    result = result_with()
+    assert advice.failed_check_text(check, result).startswith("Most likely cause: gyro bias z jumped during Rate")
+    assert advice.failed_check_text(check, result).endswith("This shifts gyro bias z by −16645 σ.")
+    language.use("zh_CN")
+    assert advice.failed_check_text(check, result).startswith("最可能的原因：陀螺零偏 z 在速率过程中发生跳变")
+    assert advice.failed_check_text(check, result).endswith("使陀螺零偏 z 偏移 −16645 σ。")
+    language.use("en")
+
+
+def test_figures_of_a_stopped_run_name_their_stage() -> None:
+    for code, words in (("en", "after the last completed stage, Rate;"), ("zh_CN", "最后完成的阶段：速率；")):
+        language.use(code)
+        (note,) = advice.result_notes(result_with(outcome="stopped", stages=["rate"]))
+        assert words in note
+        assert advice.result_notes(result_with(outcome="stopped", stages=[])) == []
+        assert advice.result_notes(result_with(outcome="passed", stages=["rate"])) == []
+    language.use("en")
+
+
+def test_decimal_points_of_figures_are_aligned(qtbot: QtBot) -> None:
+    theme.apply("light")
+    table = FiguresTable(28)
+    qtbot.addWidget(table)
+    rows = {"gyro_bias_x": (1e-5, "rad/s"), "accel_bias_x": (4.567e-4, "m/s²"), "accel_scale_y": (5e-3, "1")}
+    parameters = {
+        name: {"unit": unit, "sigma": value / (10 if unit == "1" else 1000), "value": value, "stage": "rate"}
+        for name, (value, unit) in rows.items()
+    }
+    checks = [
+        check_row(
+            "within",
+            name,
+            value,
+            [-2 * value, 2 * value] if unit != "1" else [-1e-3, 1e-3],
+            passed=unit != "1",
+            unit=unit,
+        )
+        for name, (value, unit) in rows.items()
+    ]
+    table.show_result(result_with(outcome="failed", stages=["rate"], parameters=parameters, checks=checks))
+    table.resize(900, 300)
+    table.show()
+    qtbot.wait(50)
+    points = set()
+    for line in range(table._grid.rowCount()):
+        item = table._grid.itemAtPosition(line, 2)
+        cell = None if item is None else item.widget()
+        if isinstance(cell, QLabel) and cell.text()[-1].isdigit():
+            fraction = cell.text()[cell.text().index(".") :] if "." in cell.text() else ""
+            width = QFontMetricsF(cell.font()).horizontalAdvance(fraction)
+            points.add(cell.geometry().right() - cell.contentsMargins().right() - round(width))
+    assert max(points) - min(points) <= 1

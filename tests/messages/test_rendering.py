@@ -86,8 +86,8 @@ def test_parameter_has_a_display_name_in_the_window_and_an_identifier_elsewhere(
     moves = [Text.of("cause.move", parameter=name, sigmas=size) for name, size in (("gyro_bias_x", -7.0), ("a_b", 4.0))]
     values = {"parameter": "gyro_scale_z", "during": "rate", "size": 1.0, "sigma": 0.1, "unit": "ppm", "moves": moves}
     assert render("cause.drift", values).text.startswith("gyro_scale_z drifted during")
-    assert "This shifts gyro_bias_x -7 σ, a_b +4 σ." in render("cause.drift", values).text
-    assert "This shifts gyro bias x −7 σ" in render("cause.drift", values, window=True).text
+    assert "This shifts gyro_bias_x by -7 σ, a_b by +4 σ." in render("cause.drift", values).text
+    assert "This shifts gyro bias x by −7 σ" in render("cause.drift", values, window=True).text
     assert "陀螺刻度系数 z 在速率" in render("cause.drift", values, "zh_CN", window=True).text
 
 

@@ -66,8 +66,10 @@ def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str
 
 
 def result_notes(result: Result | None) -> list[str]:
-    """Return notes on stages ended by hand, the override of a check standard and the release of a failed unit."""
+    """Return notes on the stage of the figures, stages ended by hand, overrides and the release of a failed unit."""
     notes = []
+    if result is not None and result.stages and not result.verdict.judged:
+        notes.append(say("advice.figures_of", stage=result.stages[-1]))
     if result is not None and result.ended_by_hand:
         notes.append(say("advice.ended_by_hand", stages=result.ended_by_hand))
     if result is not None and result.standard_override is not None:
@@ -197,7 +199,8 @@ def failed_check_text(check: Check, result: Result) -> str:
         return say("advice.undetermined", names=result.undetermined)
     cause = check.cause_text
     if cause is not None:
-        return rendered(cause).text
+        text, inferred = rendered(cause).text, check.kind == "effects" and cause.code != "cause.no_single_effect"
+        return say("advice.most_likely", cause=text) if inferred else text
     row, name = check_text(check), parameter_text(check.subject)
     if check.kind == "change":
         return say("advice.changed", name=parameter_text(check.where.parameter), value=row.value, limit=row.limit)

@@ -1,12 +1,12 @@
 """The verdict on a unit: a large banner, the reason, the next action and the decisive values."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtGui import QResizeEvent
+from PySide6.QtGui import QFontMetricsF, QResizeEvent
 from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.config import load_station
@@ -16,7 +16,7 @@ from calstation.gui.operator import advice
 from calstation.gui.operator.production import CertificateButton, LabelButton
 from calstation.gui.operator.units import Banner
 from calstation.gui.state import AppContext, ResetBar
-from calstation.gui.text import duration_text, fault_text, say
+from calstation.gui.text import duration_text, fault_text, language, say
 from calstation.gui.widgets import (
     NoticeBar,
     PlainLabel,
@@ -32,8 +32,7 @@ from calstation.gui.widgets import (
     show_text,
     theme,
 )
-from calstation.messages import Rendered, entry, event_text, known
-from calstation.physics import aligned
+from calstation.messages import Rendered, entry, event_text, joined, known
 from calstation.results import Result, load_run_result
 from calstation.sequencer import Fault, Finalized
 
@@ -65,9 +64,9 @@ class FiguresTable(QWidget):
         guarded = any(figure.guarded for figure in figures)
         limit = say("common.acceptance_limit_column" if guarded else "common.limit_column")
         columns = say("operator.value"), say("operator.sigma"), limit, say("common.unit_column")
-        values, sigmas = aligned([figure.value for figure in figures]), aligned([figure.sigma for figure in figures])
+        numbers: tuple[list[QLabel], list[QLabel]] = ([], [])
         number, passing = 0, None
-        for figure, value, sigma in zip(figures, values, sigmas, strict=True):
+        for figure in figures:
             if figure.passed is not passing:
                 title = say(f"operator.{'nearest_to' if figure.passed else 'outside'}_limit", limit=limit)
                 for at, text in enumerate((title, *(columns if passing is None else ())), start=1):
@@ -79,13 +78,18 @@ class FiguresTable(QWidget):
             icon.setToolTip(plain_tip(tip := "\n".join(filter(None, hints))))
             self._grid.addWidget(icon, number, 0)
             decisive = 3 if figure.by_sigma else 2
-            for at, text in enumerate((figure.name, value, sigma, figure.limit, figure.unit), start=1):
+            texts = figure.name, figure.value, figure.sigma, figure.limit, figure.unit
+            for at, text in enumerate(texts, start=1):
                 cell = PlainLabel(text)
                 cell.setFont(theme.font(self._size, bold=at == decisive))
                 cell.setToolTip(plain_tip(tip))
                 cell.setWordWrap(self._wrap and at == 1)
+                if at in (2, 3):
+                    numbers[at - 2].append(cell)
                 self._add_cell(cell, number, at)
             number += 1
+        for cells in numbers:
+            align_points(cells)
         if guarded:
             self._grid.addWidget(self._muted(say("common.acceptance_limit_about")), number, 1, 1, 5)
 
@@ -104,6 +108,17 @@ class FiguresTable(QWidget):
         side = Qt.AlignmentFlag.AlignRight if column in (2, 3, 4) else Qt.AlignmentFlag.AlignLeft
         cell.setAlignment(side | Qt.AlignmentFlag.AlignVCenter)
         self._grid.addWidget(cell, row, column)
+
+
+def align_points(cells: Sequence[QLabel]) -> None:
+    """Align the decimal points of right-aligned numbers by margins, also of bold ones."""
+    widths = [QFontMetricsF(cell.font()).horizontalAdvance(_fraction(cell.text())) for cell in cells]
+    for cell, width in zip(cells, widths, strict=True):
+        cell.setContentsMargins(0, 0, round(max(widths) - width), 0)
+
+
+def _fraction(number: str) -> str:
+    return number[number.index(".") :] if "." in number else ""
 
 
 class VerdictPanel(QFrame):
@@ -255,6 +270,8 @@ class VerdictPanel(QFrame):
         misconfigured = fault is not None and known(fault.code) and entry(fault.code).source == "configuration"
         self._station_button.setVisible(misconfigured)
         reason = advice.reason(state, result, self._stopped_code()) if text is None else text.text
+        if run.fault is not None and run.table_stopped:
+            reason = joined(reason, say("operator.message_table_stopped"), language.current())
         self.reason_label.setText(reason)
         notes = dict.fromkeys(say(event_text(*remark)) for remark in unit.remarks)
         for widget, content in (
@@ -302,7 +319,7 @@ class VerdictPanel(QFrame):
             return []
         facts = [
             say("operator.attempt", count=result.attempt),
-            say("operator.table_time", time=duration_text(result.duration_s)),
+            say(f"operator.{'rig' if self._run.by_hand else 'table'}_time", time=duration_text(result.duration_s)),
         ]
         if result.registers is not None and result.registers.verified:
             unverified = result.registers.proved_on == "read_back"

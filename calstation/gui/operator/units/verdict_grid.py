@@ -162,7 +162,8 @@ class VerdictGrid(QFrame):
             return say("advice.decide_registers_units")
         unfinished = [unit for unit in self._run.units if unit.unfinished]  # also after a fault of the table
         if unfinished and self._run.resumable:
-            return say("advice.resume_units")
+            one = len(unfinished) == 1
+            return say("advice.resume_unit", serial=unfinished[0].serial) if one else say("advice.resume_units")
         if unfinished and len(unfinished) == len(self._run.units):
             return say("advice.same_units")
         if not (unfinished or self._failed):
