@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from PySide6.QtCore import QPoint
 from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QPushButton, QWidget
 
 from calstation.config import ConfirmationRequired, RunRequest, computer_user
@@ -14,7 +15,7 @@ from calstation.jobs import ProgressCallback
 from calstation.messages import Language, Text
 from calstation.records import Verdict
 from calstation.reports import IssueState, ReportRequest
-from calstation.sequencer import Fault, Message, StateChanged
+from calstation.sequencer import Fault, Message, StageSolved, StateChanged
 from tests.gui.conftest import Operator, result_with
 from tests.gui.test_units import FAILED, begin, click, end_unit, serials, started, tile, use_slots
 
@@ -63,16 +64,16 @@ def test_slots_keep_their_places_from_loading_to_verdict(operator: Operator) -> 
     assert [text.text() for text in empty.findChildren(QLabel)] == ["5", "不参加本次标定"]
 
 
-def test_tile_of_a_unit_that_will_fail_says_why(operator: Operator) -> None:
+def test_tile_of_a_unit_that_will_fail_says_so_briefly(operator: Operator) -> None:
     use_slots(operator, 2)
     begin(operator)
     why = Text.of("event.inconsistent", stage="rate", value=3.2, limit=1.1)
     operator.window.app.engine_link.event.emit(Message("will_fail", {"why": why}, slot="2"))
-    operator.until(lambda: "The residuals of Rate are inconsistent" in tile(operator, "unit_2_tile").toolTip())
+    operator.until(lambda: "will fail" in tile(operator, "unit_2_tile").toolTip())
     assert not operator.widget("failing_notice").isVisible()  # the other unit may pass
     operator.widget("language_combo", QComboBox).setCurrentIndex(1)
-    assert "速率的残差不一致" in tile(operator, "unit_2_tile").toolTip()
-    assert "residuals" not in tile(operator, "unit_1_tile").toolTip()
+    assert "将不合格" in tile(operator, "unit_2_tile").toolTip()
+    assert "将不合格" not in tile(operator, "unit_1_tile").toolTip()
 
 
 def test_start_shows_units_that_were_not_displayed(operator: Operator, started: list[RunRequest]) -> None:
@@ -160,8 +161,9 @@ def test_slots_show_the_last_verdicts_while_the_next_units_are_scanned(operator:
     operator.window.app.set_language("zh_CN")
     assert "上一台：不合格 SN-000002" in tile(operator, "slot_2_tile").accessibleName()
     shown = [each.text() for each in tile(operator, "slot_2_tile").findChildren(QLabel) if each.isVisible()]
-    assert "上一台：SN-000002" in shown
-    label = next(each for each in tile(operator, "slot_2_tile").findChildren(ElidedLabel) if "上一台" in each.text())
+    assert "SN-000002" in shown
+    label = next(each for each in tile(operator, "slot_2_tile").findChildren(ElidedLabel) if each.text() == "SN-000002")
+    assert label.shortened() == "SN-000002"
     label.setFixedWidth(100)
     assert label.shortened().endswith("0002"), "serial numbers differ at their end"
     operator.window.app.set_station(operator.site_folder.station)  # the units of another station are not meant
@@ -322,3 +324,32 @@ def test_start_of_the_engineer_shows_units_that_were_not_displayed(
     assert "SN-000001" in tile(operator, "engineer_slot_1_tile").accessibleName()
     operator.press("engineer_start_button")
     assert [request.serials for request in started] == [("SN-000001", "SN-000002", "SN-000003")]
+
+
+@pytest.mark.parametrize(
+    ("language", "advice"),
+    [("en", "What SN-000002 completed is kept: resume it,"), ("zh_CN", "SN-000002 已完成的部分保留：可以接着做，")],
+)
+def test_stopped_batch_with_one_unit_to_resume_names_it(operator: Operator, language: str, advice: str) -> None:
+    use_slots(operator, 2)
+    begin(operator)
+    operator.window.app.set_language(language)
+    operator.window.app.engine_link.event.emit(StageSolved("rate", {}, {"passed": True}, slot="2"))
+    end_unit(operator, "1", "failed", **FAILED)
+    end_unit(operator, "2", "stopped", advice="resume", finished_stages=["rate"])
+    operator.window.app.engine_link._end()
+    operator.until(lambda: operator.run.ended)
+    assert operator.message.startswith(advice)
+
+
+@pytest.mark.parametrize("count", [4, 8])
+def test_live_view_of_a_batch_uses_the_whole_small_screen(operator: Operator, count: int) -> None:
+    operator.window.resize(1280, 690)  # 1920x1080 at 150 % without the task bar
+    use_slots(operator, count)
+    begin(operator)
+    live = operator.window.operator_page._live
+    operator.until(live.isVisible)
+    operator.qtbot.wait(100)
+    lowest = live._units if count == 8 else live._convergence
+    assert live._convergence.isVisible() is (count == 4)
+    assert lowest.mapTo(live, QPoint(0, lowest.height())).y() == live.height()

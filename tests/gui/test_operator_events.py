@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 import tomli_w
@@ -13,6 +14,7 @@ from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QListW
 from calstation.config import RunRequest, library
 from calstation.connection import TableReset
 from calstation.errors import DeviceFaultError, InputError
+from calstation.gui.operator.live.live_view import Preparation
 from calstation.gui.state import AppContext, RunStrip, TableNotice
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.widgets import theme
@@ -23,6 +25,7 @@ from calstation.results import Delivery, History
 from calstation.runs import finish_incomplete
 from calstation.runs.incomplete import StartupRecovery
 from calstation.sequencer import (
+    ChamberChanged,
     Fault,
     Finalized,
     Message,
@@ -31,6 +34,7 @@ from calstation.sequencer import (
     StageStarted,
     StateChanged,
     StepStarted,
+    TableMoved,
 )
 from tests.check_rows import check_row
 from tests.dead_logs import write_dead_log
@@ -947,3 +951,65 @@ def test_window_stays_open_after_a_stop_that_the_table_did_not_confirm(
     monkeypatch.setattr(EngineLink, "running", False)
     stop_incompletely(simulated_run)
     assert simulated_run.window.isVisible()
+
+
+AT_REST = "The table is at rest and its axes are off."
+JAMMED = Fault("x", "", 3, "motion.not_reached", {"outer_deg": 90.0, "inner_deg": 0.0})
+
+
+@pytest.mark.parametrize("chamber", [False, True])
+def test_message_after_stop_says_when_the_table_has_stopped(simulated_run: Operator, *, chamber: bool) -> None:
+    link, run = simulated_run.window.app.engine_link, simulated_run.run
+    for event in (StateChanged("preparing", "idle"), StateChanged("running", "preparing")):
+        link.event.emit(event)
+    if chamber:
+        link.event.emit(ChamberChanged(1.0, -40.0, 23.0, 23.0, 100.0, {"": -38.0}, open_c=(10.0, 45.0)))
+    run.stop()
+    link.event.emit(TableMoved(0.0, 0.0, 0.0, 0.0, moving=False))  # before the engine stops
+    link.event.emit(StateChanged("stopping", "running"))
+    before = "Keep the chamber closed" if chamber else "Stopping safely"
+    simulated_run.until(lambda: simulated_run.message.startswith(before))
+    link.event.emit(TableMoved(0.0, 0.0, 0.0, 0.0, moving=False))
+    run.changed.emit()
+    assert simulated_run.message.startswith(AT_REST)
+    assert ("Keep the chamber closed" in simulated_run.message) is chamber
+    simulated_run.window.app.set_language("zh_CN")
+    assert simulated_run.message.startswith(
+        "转台静止，轴使能已断开。请勿打开温箱" if chamber else "转台静止，轴使能已断开。"
+    )
+
+
+@pytest.mark.parametrize(("stopped", "code"), [(True, "motion.not_reached"), (False, "run.engine_silent")])
+def test_fault_says_that_the_table_has_stopped_if_this_is_known(
+    simulated_run: Operator, code: str, *, stopped: bool
+) -> None:
+    link = simulated_run.window.app.engine_link
+    link.event.emit(StateChanged("preparing", "idle"))
+    if stopped:
+        link.event.emit(StateChanged("fault", "preparing"))
+    link.event.emit(replace(JAMMED, code=code) if stopped else Fault("x", "", 3, code, {"then": "x"}))
+    link.running_changed.emit(False)
+    simulated_run.until(lambda: simulated_run.verdict == "FAULT")
+    reason = simulated_run.window.operator_page._verdict.reason_label.text()
+    assert (AT_REST in reason, AT_REST in simulated_run.message) == (stopped, stopped)
+
+
+def test_pause_button_offers_to_resume_only_while_paused(simulated_run: Operator) -> None:
+    link, button = simulated_run.window.app.engine_link, simulated_run.widget("pause_button", QPushButton)
+    for state, text, enabled in (("running", "Pause", True), ("pausing", "Pause", False), ("paused", "Resume", True)):
+        link.event.emit(StateChanged(state, "running"))
+        simulated_run.until_state(state)
+        assert (button.text(), button.isEnabled()) == (text, enabled)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 690), (1366, 730), (1920, 1000)])
+def test_refused_scan_hides_no_preparation_step(simulated_run: Operator, width: int, height: int) -> None:
+    window, link = simulated_run.window, simulated_run.window.app.engine_link
+    window.resize(width, height)
+    link._engine = Mock()
+    link.event.emit(StateChanged("preparing", "idle"))
+    simulated_run.until_state("preparing")
+    window.operator_page._starting._refuse_scan()
+    simulated_run.qtbot.wait(100)
+    (steps,) = (each for each in window.findChildren(Preparation) if each.isVisible())
+    assert steps.visibleRegion().boundingRect() == steps.rect()

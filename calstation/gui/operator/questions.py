@@ -108,7 +108,7 @@ def progress_message(run: RunStatus) -> str:
 
 
 def urgent_message(run: RunStatus, *, engineer: bool) -> str:
-    """Return what to know before anything else: a fault, a moving table, the chamber, or a run in another window; "" for nothing."""
+    """Return what to know before anything else: a fault, the table, the chamber or another window; "" for nothing."""
     table = say("operator.message_table_stopped") if run.table_stopped else ""
     if run.fault is not None:
         return joined(fault_text(run.fault, engineer=engineer).text, table, language.current())

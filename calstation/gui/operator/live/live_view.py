@@ -33,7 +33,13 @@ from calstation.sequencer import (
 )
 
 #: Minimum window height for the convergence plot below the tiles, and additional height per row of tiles, px.
-_MIN_HEIGHT, _TILE_HEIGHT = 704, 54
+_MIN_HEIGHT, _TILE_HEIGHT = 620, 54
+
+#: Minimum window height for the preparation steps and a notice above and below the table and the traces, px.
+_MIN_BELOW = 800
+
+#: Index of the lowest row.
+_BELOW = 3
 
 _PREFERRED = QSizePolicy.Policy.Preferred
 
@@ -108,12 +114,12 @@ class LiveView(QWidget):
         self._lower = stack(self._preparation, self._convergence, self.gimbal)
         self.position.finish_requested.connect(lambda: link.send(Command.END_STAGE))
         self.table.setMinimumWidth(37 * theme.GRID)
-        #: Traces next to the table; during the preparation of several units, the preparation steps.
+        #: Traces next to the table; during the preparation of several units or on a small screen, its steps.
         self._beside = stack(self._traces, Preparation(run))
         self._units = UnitTiles(run, prefix)
         row((self.table, 1), (self._beside, 3), on=self._upper)
         below = row((self.temperature, 1), (self._lower, 1))
-        column((self.position, 9), (self._upper, 5), self._units, (below, 4), on=self)
+        self._column = column((self.position, 9), (self._upper, 5), self._units, (below, 4), on=self)
         run.unit_changed.connect(self._show_unit)
         run.changed.connect(self._refresh)
         link.running_changed.connect(lambda running: self._start() if running else self._traces.stop())
@@ -183,9 +189,14 @@ class LiveView(QWidget):
         self._preparation.setSizePolicy(_PREFERRED, QSizePolicy.Policy.Ignored if started else _PREFERRED)
         self.table.setVisible(not run.by_hand)
         self.position.setVisible(guiding)
+        self.position.show_state(run.state)
         self._upper.setVisible(not guiding)
         several = run.in_slots and not run.register_operation
-        self._beside.setCurrentIndex(several and not started)
+        height = self.window().height()
+        beside = (several or height < _MIN_BELOW) and not started
+        self._beside.setCurrentIndex(beside)
         self._units.setVisible(several)
-        room = self.window().height() >= _MIN_HEIGHT + _TILE_HEIGHT * ceil(len(run.slots) / COLUMNS)
-        self._lower.setVisible(not guiding and (not several or (started and room)))
+        room = height >= _MIN_HEIGHT + _TILE_HEIGHT * ceil(len(run.slots) / COLUMNS)
+        self._lower.setVisible(not (guiding or beside) and (room or not several))
+        below = self._lower.isVisibleTo(self) or self.temperature.isVisibleTo(self)
+        self._column.setStretch(_BELOW, 4 * below)  # the stretch of a hidden row would remain empty
