@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Literal, cast
+from typing import Literal
 
 from calstation.config import (
     ConfirmationRequired,
@@ -109,7 +109,7 @@ class RunStart:
                 request = replace(request, resume=runs[0].log, product=product_of(runs[0].log))
             self._set_request(replace(request, product=request.product or self.request.product))
         elif question.subject == "transfer" and answer in DECISIONS:
-            self._set_request(replace(self.request, unfinished=cast("Decision", answer)))
+            self._set_request(replace(self.request, unfinished=answer))
         elif answer == "beyond":
             self.request = replace(self.request, beyond_attempts=True)
         self._answered.add(question.subject)

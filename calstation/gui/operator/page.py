@@ -91,15 +91,13 @@ class OperatorPage(Page):
         self._starting = RunStarter(app, self.header, self.notice)
         self._slots = SlotsPanel(self._starting.slots)
         self._verdicts = VerdictGrid(app, *documents)
-        #: Whether the verdict on one of several units is displayed.
-        self._unit_opened = False
+        self._unit_opened = False  #: Whether the verdict on one of several units is displayed.
         self._unusable = EmptyState(title="operator.unusable", text="operator.about_unusable")
         self._unconfirmed = EmptyState(title="operator.chamber_unknown", text="operator.chamber_unconfirmed")
         self._unsafe = EmptyState(title="operator.table_unsafe", text="operator.table_unconfirmed")
         self._unchecked = EmptyState(title="operator.chamber_closed", text="operator.chamber_unchecked")
-        other_window = Text("question.other_window")
-        title, remedy = lambda: rendered(other_window).text, lambda: rendered(other_window).remedy
-        self._elsewhere = EmptyState(title=title, text=remedy)
+        other = Text("question.other_window")
+        self._elsewhere = EmptyState(title=lambda: rendered(other).text, text=lambda: rendered(other).remedy)
         waiting = (self._unusable, self._unconfirmed, self._unsafe, self._unchecked, self._elsewhere)
         self._views = stack(*waiting, self._loading, self._slots, self._live, self._verdicts, self._verdict)
         self._progress = progress_bar(theme.GRID, "run_progress")
@@ -441,9 +439,8 @@ class OperatorPage(Page):
             if run.chamber.must_stay_closed:
                 loading = self._unchecked if run.chamber.unchecked else self._unconfirmed
             loading = self._unsafe if run.stop_incomplete else loading
-            elsewhere = run.elsewhere is not None
-            loading = self._elsewhere if elsewhere else self._unusable if self._problem is not None else loading
-            self._views.setCurrentWidget(loading)
+            loading = self._unusable if self._problem is not None else loading
+            self._views.setCurrentWidget(loading if run.elsewhere is None else self._elsewhere)
         elif run.fault is None and (returning or not run.finalized) and self.app.engine_link.running:
             self._views.setCurrentWidget(self._live)
             self._verdicts.prepare()
@@ -494,9 +491,10 @@ class OperatorPage(Page):
             return say("operator.message_monitoring", state=say(run.monitoring[1]))
         if run.display_state == "not_ready" and has_pair(self.app.station_path):
             return say("operator.message_pair")
+        if run.state == "idle" and run.problem is None and self._starting.slots:
+            return say("operator.message_idle_slots")
         if run.state in ("idle", "starting"):
-            slots = run.state == "idle" and run.problem is None and self._starting.slots
-            return say("operator.message_idle_slots" if slots else f"operator.message_{run.display_state}")
+            return say(f"operator.message_{run.display_state}")
         if run.state == Verdict.STOPPED and not run.finalized and self.app.engine_link.running:
             return say("operator.message_stopped")
         if run.in_progress or run.state in ("stopping", "paused"):

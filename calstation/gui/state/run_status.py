@@ -34,32 +34,25 @@ from calstation.sequencer import (
 
 #: States of a run in progress.
 _IN_PROGRESS = ("starting", "preparing", "running", "pausing", "paused", "stopping")
-
 #: States of the sequencer after a run or a register operation.
 _ENDED = ("stopped", "fault", "done")
-
 #: Verdicts of a run without a fault; the verdict of a run of several units is the first of theirs in this order.
 _VERDICTS = (Verdict.STOPPED, Verdict.INCOMPLETE, Verdict.FAILED, Verdict.PARTIAL, Verdict.PASSED)
-
 #: Events that change the status of the run.
 _STATUS_EVENTS = (
     *(StateChanged, StageStarted, StageProgress, StepStarted, StageEnded, StageSolved),
     *(Message, Settled, Fault, Finalized),
 )
-
 #: Code of the fault of an engine that does not respond, after which it may respond again.
 _SILENT = "run.engine_silent"
-
 #: Message about one unit that is displayed for all units.
 _UNIT_LEFT = "unit_left"
-
 #: State of the registers after a message; the other messages do not change it.
 _REGISTERS = {
     **dict.fromkeys(("registers_transfer", "registers_writing"), "writing"),
     "verifying": "verifying",
     **dict.fromkeys(("registers_written", "registers_proved", "registers_read_back"), "written"),
 }
-
 #: Minimum host time after which the pace is estimated, s.
 _MIN_ELAPSED = 2.0
 
