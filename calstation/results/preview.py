@@ -47,11 +47,11 @@ _POINTS_PER_MOVE = 9
 _MOUNT = np.full(3, 0.3)
 
 #: Reason why no sigma of a stage with such a step can be predicted.
-_UNPREDICTABLE: Mapping[type[Step], str] = {
-    ManualMove: "preview.manual_motion",
-    GimbalZero: "preview.gimbal_motion",
-    GimbalTurn: "preview.gimbal_motion",
-    Soak: "preview.over_temperature",
+_UNPREDICTABLE: Mapping[type[Step], Text] = {
+    ManualMove: Text("preview.manual_motion"),
+    GimbalZero: Text("preview.gimbal_motion"),
+    GimbalTurn: Text("preview.gimbal_motion"),
+    Soak: Text("preview.over_temperature"),
 }
 
 #: Maximum progress reported before the last stage is solved.
@@ -244,7 +244,7 @@ class _Previewer:
         if not solve:
             return stage
         if unpredictable is not None:
-            return replace(stage, error=Text(unpredictable), predictable=False)
+            return replace(stage, error=unpredictable, predictable=False)
         try:
             solution = self._chain.finish()
         except (InsufficientDataError, InputError) as unusable:

@@ -24,7 +24,7 @@ from calstation.errors import ConfigurationError
 from calstation.messages import Text, Value
 from calstation.quality import require_standards
 from calstation.records import LogMeta, open_log
-from calstation.registers import DECISIONS, Decision, journal_folder, transfer_open
+from calstation.registers import DECISIONS, journal_folder, transfer_open
 from calstation.results import History
 from calstation.runs.hooks import station_hooks
 from calstation.runs.interrupted import Interrupted, interrupted_units

@@ -29,7 +29,7 @@ COMPUTED = {
     "calstation/connection/table_test.py",
     "calstation/database/connect.py",
     "calstation/gui/engineer/schedule_form.py",
-    "calstation/gui/operator/page.py",
+    "calstation/gui/operator/next_run.py",
     "calstation/gui/operator/questions.py",
     "calstation/gui/settings/fields.py",
     "calstation/records/csv_table.py",
