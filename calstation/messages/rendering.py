@@ -313,9 +313,9 @@ class _Formatter(string.Formatter):
 
     def _percent(self, probability: float) -> str:
         if probability < _SMALLEST_SHARE:
-            return term("common", "percent_below", self._language)
+            return sentence(Text("common.percent_below"), self._language)
         if probability > 1.0 - _SMALLEST_SHARE:
-            return term("common", "percent_above", self._language)
+            return sentence(Text("common.percent_above"), self._language)
         return f"{plain_number(100.0 * probability, '.2g')} %"
 
 

@@ -221,7 +221,7 @@ class _Previewer:
         """Simulate a stage; `expected` is the approximate duration of the run, s."""
         begin = self._clock
         moves, rounds, reason = 0, 0, "plan"
-        unpredictable: str | None = None
+        unpredictable: Text | None = None
         if solve:
             self._chain.start(plan.name)
         try:

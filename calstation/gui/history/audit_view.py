@@ -195,8 +195,9 @@ class AuditView(JobView):
 
 def _marks(line: TrailLine) -> dict[str, str]:
     """Return symbol and tooltip of a line that the chain does not prove."""
-    code, kind = ("audit_changed", "bad") if line.state == "changed" else ("audit_unproved", "caution")
-    return {"kind": kind, "hint": say(f"history.{code}", line=line.number)}
+    changed = line.state == "changed"
+    hint = say("history.audit_changed" if changed else "history.audit_unproved", line=line.number)
+    return {"kind": "bad" if changed else "caution", "hint": hint}
 
 
 def _value_lines(values: Mapping[str, Any], *, names_only: bool = False) -> list[str]:
