@@ -369,14 +369,14 @@ def test_stage_of_a_failing_value_is_marked_and_the_value_listed_first(simulated
     end_run(simulated_run, "failed", parameters=parameters, checks=checks, stages=["rate", "six_position"])
     items = simulated_run.widget("stage_list", QListWidget)
     states = [items.item(k).data(Qt.ItemDataRole.AccessibleTextRole).split(", ")[1] for k in range(2)]
-    assert states == ["done", "outside limits"]
+    assert states == ["done", "failed"]
     order = ["outside its limit", "accel scale factor y", "nearest to its limit", "gyro scale factor x"]
     simulated_run.until(lambda: set(order) <= set(simulated_run.says().splitlines()))
     labels = [label for label in simulated_run.window.findChildren(QLabel) if label.isVisible()]
     heights = {label.text(): label.mapToGlobal(label.rect().center()).y() for label in labels}
     assert sorted(order, key=lambda text: heights[text]) == order
     simulated_run.widget("language_combo", QComboBox).setCurrentIndex(1)
-    simulated_run.until(lambda: "超差" in simulated_run.says() and "完成" in simulated_run.says())
+    simulated_run.until(lambda: "不合格" in simulated_run.says() and "完成" in simulated_run.says())
 
 
 @pytest.mark.long

@@ -452,7 +452,7 @@ def test_all_verdicts_are_shown_and_a_click_opens_its_result(operator: Operator)
     assert operator.widget("verdict_serial_label", QLabel).text() == "2 · SN-000002"
     operator.until(lambda: "outside its limit" in operator.says())
     stages = operator.widget("stage_list", QListWidget)
-    operator.until(lambda: "outside limits" in stages.item(0).data(Qt.ItemDataRole.AccessibleTextRole))
+    operator.until(lambda: "failed" in stages.item(0).data(Qt.ItemDataRole.AccessibleTextRole))
     opened: list[object] = []
     operator.window.app.open_run.connect(opened.append)
     operator.press("details_button")

@@ -30,7 +30,7 @@ _KINDS = {
     "solving": "active",
     "good": "done",
     "bad": "bad",
-    "outside": "bad",
+    "failed": "bad",
     "stopped": "stopped",
     "fault": "caution",
 }

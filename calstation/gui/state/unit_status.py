@@ -214,7 +214,7 @@ class UnitStatus:
                 if self.result.verdict.judged:  # otherwise later stages might have improved the values
                     for row in self.stages:
                         if row.state == "good" and row.name in self.result.failed_stages:
-                            row.state = "outside"
+                            row.state = "failed"
 
     def soak_to_verify(self, elapsed: float, remaining: float) -> None:
         """Adopt the times of the soak at which the transfer begins, s."""
