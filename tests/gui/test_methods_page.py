@@ -477,13 +477,12 @@ def test_nothing_waits_or_is_valid_after_the_end_of_a_watch(
     language.use(code)
     view = pair_live.PairLiveView(window.app)
     qtbot.addWidget(view)
-    view.show()
     schedule = method("cross_calibration").schedule().model_dump()
     progress, trace = PairProgress(20.0, 60.0, "calibrating", 0.48, ()), CorrectedTrace(None, 0, np.zeros(0), {}, {})
     view.status = PairStatus(schedule, progress, {}, {}, {}, (), (), frozenset(), trace)
     view._refresh()
     assert view.badge.text() == state
-    assert not view.source_label.isVisible()
+    assert view.source_label.isHidden()
     assert view.timeline.progress == replace(progress, duration=20.0)
     language.use("en")
 
