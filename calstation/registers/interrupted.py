@@ -15,9 +15,8 @@ from calstation.registers.preconditions import check_unit_model, undecided
 from calstation.registers.verification import finish_verification
 from calstation.sequencer import Emit, Message, RunInBackground, VerificationData, check_power
 
-#: Options for an interrupted transfer: restore the old registers, or complete and verify the new ones.
-Decision = Literal["restore", "finish"]
-DECISIONS: tuple[Decision, ...] = ("restore", "finish")
+#: Options for an interrupted transfer: complete and verify the new registers, or restore the old ones.
+DECISIONS: tuple[Literal["finish", "restore"], ...] = ("finish", "restore")
 
 
 @dataclass

@@ -153,7 +153,9 @@ class RunStart:
         by_hand = self._setups[0].table.by_hand
         code = f"transfer_interrupted{'_manual' if by_hand else ''}"
         refusal = ConfigurationError("run.transfer_interrupted", serials=serials)
-        return Question("transfer", self._text(code, {"serial": serials[0], "serials": serials}), DECISIONS, refusal)
+        return Question(
+            "transfer", self._text(code, {"serial": serials[0], "serials": serials}), DECISIONS[::-1], refusal
+        )
 
     def _ask_resume(self) -> Question | None:
         request, station = self.request, self._setups[0].station
