@@ -998,8 +998,8 @@ def test_pause_button_offers_to_resume_only_while_paused(simulated_run: Operator
     link, button = simulated_run.window.app.engine_link, simulated_run.widget("pause_button", QPushButton)
     for state, text, enabled in (("running", "Pause", True), ("pausing", "Pause", False), ("paused", "Resume", True)):
         link.event.emit(StateChanged(state, "running"))
-        simulated_run.until_state(state)
-        assert (button.text(), button.isEnabled()) == (text, enabled)
+        expected = text, enabled
+        simulated_run.until(lambda expected=expected: (button.text(), button.isEnabled()) == expected)
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 690), (1366, 730), (1920, 1000)])
