@@ -979,15 +979,23 @@ def test_message_after_stop_says_when_the_table_has_stopped(simulated_run: Opera
     )
 
 
-@pytest.mark.parametrize(("stopped", "code"), [(True, "motion.not_reached"), (False, "run.engine_silent")])
+@pytest.mark.parametrize(
+    ("fault", "moving", "stopped"),
+    [
+        (JAMMED, False, True),
+        (JAMMED, True, False),
+        (Fault("x", "", 3, "run.engine_silent", {"then": "x"}), False, False),
+    ],
+)
 def test_fault_says_that_the_table_has_stopped_if_this_is_known(
-    simulated_run: Operator, code: str, *, stopped: bool
+    simulated_run: Operator, fault: Fault, *, moving: bool, stopped: bool
 ) -> None:
     link = simulated_run.window.app.engine_link
     link.event.emit(StateChanged("preparing", "idle"))
-    if stopped:
+    link.event.emit(TableMoved(0.0, 0.0, 0.0, 0.0, moving=moving))
+    if fault is JAMMED:
         link.event.emit(StateChanged("fault", "preparing"))
-    link.event.emit(replace(JAMMED, code=code) if stopped else Fault("x", "", 3, code, {"then": "x"}))
+    link.event.emit(fault)
     link.running_changed.emit(False)
     simulated_run.until(lambda: simulated_run.verdict == "FAULT")
     reason = simulated_run.window.operator_page._verdict.reason_label.text()

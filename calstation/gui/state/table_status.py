@@ -10,12 +10,14 @@ class TableStatus:
         self.stopped = False
         #: Whether the engine has confirmed a stop; it then shows the table again after the safe stop.
         self._stopping = False
+        self._moving = True  #: Whether the table moved when it was last shown, or has not been shown yet.
 
     def handle_event(self, event: Event) -> None:
         """Process an event; the sequencer is ``stopped`` or in ``fault`` only after its safe stop."""
         match event:
             case StateChanged():
                 self._stopping = event.state == "stopping"
-                self.stopped = event.state in ("stopped", "fault")
-            case TableMoved() | JointsMoved() if self._stopping:
-                self.stopped = not event.moving
+                self.stopped = event.state in ("stopped", "fault") and not self._moving
+            case TableMoved() | JointsMoved():
+                self._moving = event.moving
+                self.stopped = self._stopping and not self._moving
