@@ -40,7 +40,6 @@ def shipped_folder() -> Path:
     return beside if (beside / "stations").is_dir() else package / "data"
 
 
-@cache
 def manual_folder() -> Path:
     """Return the folder of the manual, which is next to the source package or inside the installed one."""
     package = Path(__file__).resolve().parent.parent

@@ -264,7 +264,7 @@ def test_log_without_its_end_is_named_in_the_details_and_in_the_record(
     listed_runs(page, qtbot)
     assert rows(page) == [("SN-000001", say("badge.failed"))]
     assert ("its end is missing" if code == "en" else "缺少结尾") in page.details.reason_label.text()
-    assert say("history.outside_limits", limits=say("common.limits")) in page.details.reason_label.text()
+    assert say("history.failed", failure=say("common.outside_limits")) in page.details.reason_label.text()
     press_record(page, qtbot)
     label = page.record.findChild(QLabel, "no_events_label")
     qtbot.waitUntil(lambda: label.text() == say("history.log_without_events"), timeout=WAIT)

@@ -233,10 +233,10 @@ def test_reason_of_a_failure_is_the_most_likely_cause_in_whole_sentences() -> No
 def test_figures_of_a_stopped_run_name_their_stage() -> None:
     for code, words in (("en", "after the last completed stage, Rate;"), ("zh_CN", "最后完成的阶段：速率；")):
         language.use(code)
-        (note,) = advice.result_notes(result_with(outcome="stopped", stages=["rate"]))
+        note = advice.figures_note(result_with(outcome="stopped", stages=["rate"]))
         assert words in note
-        assert advice.result_notes(result_with(outcome="stopped", stages=[])) == []
-        assert advice.result_notes(result_with(outcome="passed", stages=["rate"])) == []
+        assert not advice.figures_note(result_with(outcome="stopped", stages=[]))
+        assert not advice.figures_note(result_with(outcome="passed", stages=["rate"]))
     language.use("en")
 
 

@@ -53,12 +53,12 @@ def sound() -> Posterior:
 def assert_predicted(shifts: dict[str, float], output: Posterior, without: Posterior, smallest: float = 10.0) -> None:
     """Assert that the effect changes parameters by more than `smallest` sigma and as predicted.
 
-    A change is an error, truth minus estimate, with the opposite sign.
+    A shift is the error due to the effect, estimate minus truth.
     """
     actual = (output.mean - without.mean) / output.sigma
     names = [name for name in shifts if abs(shifts[name]) > smallest]
     assert names
-    assert [-shifts[name] for name in names] == pytest.approx([actual[INDEX[name]] for name in names], rel=0.1)
+    assert [shifts[name] for name in names] == pytest.approx([actual[INDEX[name]] for name in names], rel=0.1)
 
 
 @pytest.mark.parametrize(

@@ -256,7 +256,7 @@ def test_trail_of_a_removed_site_contradicts_its_certificates(site: Path) -> Non
     state = verify_certificate(site / "r1.pdf")
     assert not state.intact
     assert "audit.other_trail" in [each.code for each in state.findings]
-    assert "report.of_others" in [each.code for each in verify_reports(site / "runs").findings]
+    assert "report.of_unknown" in [each.code for each in verify_reports(site / "runs").findings]
 
 
 def test_heads_in_the_shared_database_reveal_a_cut_with_the_station_s_own_key(

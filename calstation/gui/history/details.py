@@ -310,10 +310,10 @@ class RunDetails(QFrame):
         run = self._run
         if run is None:
             return
-        notes = advice.result_notes(self._result)
         doubt = "" if run.missing or run.unconfirmed else say(self._doubt or "")
         reason = "" if doubt and run.altered else self._reason(run)
-        show_text(self.reason_label, "\n".join(filter(None, (doubt, *notes, reason))))
+        texts = doubt, *advice.result_notes(self._result), reason, advice.figures_note(self._result)
+        show_text(self.reason_label, "\n".join(filter(None, texts)))
         self._update_buttons(run)
 
     def _reason(self, run: RunRecord) -> str:

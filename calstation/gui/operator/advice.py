@@ -65,11 +65,16 @@ def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str
     return joined(first, more, language.current())
 
 
+def figures_note(result: Result | None) -> str:
+    """Return after which stage the figures of a run without a verdict were determined, or "" for another run."""
+    if result is None or result.verdict.judged or not result.stages:
+        return ""
+    return say("advice.figures_of", stage=result.stages[-1])
+
+
 def result_notes(result: Result | None) -> list[str]:
-    """Return notes on the stage of the figures, stages ended by hand, overrides and the release of a failed unit."""
+    """Return notes on stages ended by hand, overrides and the release of a failed unit."""
     notes = []
-    if result is not None and result.stages and not result.verdict.judged:
-        notes.append(say("advice.figures_of", stage=result.stages[-1]))
     if result is not None and result.ended_by_hand:
         notes.append(say("advice.ended_by_hand", stages=result.ended_by_hand))
     if result is not None and result.standard_override is not None:

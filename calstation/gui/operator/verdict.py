@@ -273,11 +273,12 @@ class VerdictPanel(QFrame):
         if run.fault is not None and run.table_stopped:
             reason = joined(reason, say("operator.message_table_stopped"), language.current())
         self.reason_label.setText(reason)
-        notes = dict.fromkeys(say(event_text(*remark)) for remark in unit.remarks)
+        remarks = dict.fromkeys(say(event_text(*remark)) for remark in unit.remarks)
+        notes = filter(None, (advice.figures_note(result), *advice.result_notes(result), *remarks))
         for widget, content in (
             (self._source, say("operator.where", source=text.source) if text and text.source else ""),
             (self.action_label, self.next_action()),
-            (self._notes, "\n".join([*advice.result_notes(result), *notes])),
+            (self._notes, "\n".join(notes)),
             (self._facts, "  ·  ".join(self._fact_texts())),
         ):
             show_text(widget, content)
