@@ -5,9 +5,10 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 from PySide6.QtCore import Qt, QTimer
-from PySide6.QtWidgets import QApplication, QLabel
+from PySide6.QtWidgets import QApplication, QLabel, QMainWindow
 
 from calstation.jobs import on_stop_signals
 
@@ -40,6 +41,16 @@ def enlarged(screen: tuple[int, int]) -> Iterator[None]:
         os.environ.pop(_FACTOR, None)
         if given is not None:
             os.environ[_FACTOR] = given
+
+
+def create_window(station: Path | None = None) -> QMainWindow:
+    """Create the window for a program that drives it, and the QApplication if there is none.
+
+    It is that of the last station by default. Its contents are imported now, which takes 2 s.
+    """
+    from calstation.gui.shell import create_window as create
+
+    return create(station)
 
 
 def main(screen: tuple[int, int]) -> int:

@@ -14,7 +14,7 @@ from PySide6.QtCore import QCoreApplication, QEvent, QObject, Qt
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
-from calstation.gui.shell import create_window
+from calstation.gui import create_window
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.state import AppContext, RunStatus
 from calstation.gui.text import language

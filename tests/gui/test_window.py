@@ -182,13 +182,24 @@ def test_buttons_are_wide_enough_for_their_texts_in_both_languages(window: MainW
                 assert spare >= 0, button.text()
 
 
+def test_another_program_finds_the_widgets_that_the_contract_names(window: MainWindow) -> None:
+    """`window` is made by `calstation.gui.create_window`; the inner names of a page exist once it has been shown."""
+    names = ["serial_edit", "start_button", "operator_edit", "product_combo", "stop_button", "pause_button"]
+    names += ["verdict_label", "stage_list", "run_progress", "message_label", "page_tabs", "language_combo"]
+    names += ["stage_check_rate", "log_edit", "first_seq_spin", "last_seq_spin", "solve_button"]
+    for page in ("operator", "engineer", "offline", "history", "quality", "station"):
+        names.append(f"{page}_page")
+        window.show_page(f"{page}_page")
+    assert [name for name in names if window.findChild(QWidget, name) is None] == []
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
 @pytest.mark.exhaustive
 def test_killed_window_stops_the_table_and_leaves_a_complete_resumable_log(site_folder: SiteFolder) -> None:
     site_folder.write({"stages": ["six_position", "rate"]})
     script = site_folder.folder / "at_the_window.py"
     script.write_text(
-        "from calstation.gui.shell import create_window\n"
+        "from calstation.gui import create_window\n"
         "from calstation.config import library\n"
         "from PySide6.QtWidgets import QApplication\n"
         "from PySide6.QtCore import QTimer\n"
