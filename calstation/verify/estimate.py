@@ -13,7 +13,7 @@ from scipy.sparse import bsr_array, csc_array, diags_array
 from scipy.sparse.linalg import norm, spsolve
 from scipy.spatial.transform import Rotation
 
-from .samples import AT, BIASES, COUNT, UP, NotCoveredError, compensated, rotation, sensed, turned
+from .samples import AT, BIASES, COUNT, UP, NotCoveredError, compensated, rotation, sensed
 
 #: Window, margin at both ends and shortest duration of a rest, longest for an attitude; correlation time of drifts, s.
 WINDOW, MARGIN, SHORTEST, LONGEST, DRIFT_TIME = 0.5, 0.3, 1.0, 20.0, 200.0
@@ -63,7 +63,7 @@ def solve(name, linearise, prior, estimated):
     `linearise(point)` returns white equations, see `Joint.updated`, and a function that corrects eliminated unknowns.
     Parameters that are not `estimated` keep mean and covariance (Schmidt's consider states).
     """
-    point, keep = prior.mean.copy(), np.setdiff1d(np.arange(COUNT), estimated)
+    point, keep = prior.mean.copy(), np.setdiff1d(np.arange(len(prior.mean)), estimated)
     for _ in range(50):
         equations, correct = linearise(point)
         posterior = prior.updated(equations, point)
@@ -180,7 +180,7 @@ def position_equations(stage, s, prior):
     up = (s.platform(np.array([np.nanmean(stage.angles[a:b], axis=0) for a, b in found])) @ s.orientation)[:, 2]
 
     def model(p, tilts):
-        direction = turned(rotation(tilts.reshape(-1, 3)), up)
+        direction = np.matvec(rotation(tilts.reshape(-1, 3)), up)
         return sensed(p, "accel", s.gravity * (1.0 + p[-1]) * direction).ravel()
 
     return _batch(model, forces.ravel(), np.repeat(variances, 3), np.full(3 * len(found), s.sigma["tilt"]))
@@ -194,6 +194,7 @@ class Segment:
         begin, self.T, self.count = rest[0], self.stride * s.dt, (span[1] - rest[0]) // self.stride
         at = begin + self.stride * np.arange(self.count + 1)
         self.time = stage.seq[[begin, at[-1] - 1]] * s.dt
+        self.middle = (stage.seq[at[:-1]] + 0.5 * self.stride) * s.dt
         # the samples of every interval with the one before, and the mean output of the samples before and after its end
         inside = np.clip(at[:-1, None] + np.arange(-1, self.stride), 0, None)
         self.gyro, self.accel = stage.gyro[inside], stage.accel[inside]
@@ -216,13 +217,13 @@ class Segment:
         middle = C[:-1, None, 2:] @ rotation((np.cumsum(omega, axis=1) - 0.5 * omega) * dt)
         force = s.gravity * middle[..., 0, :] + np.cross(omega, np.cross(omega, r))
         outputs = (np.concatenate([x[:, :1], x], axis=1) for x in (gyro, sensed(p, "accel", force)))
-        u = turned(C, np.cross(compensated(p, self.ends, self.ends)[0] - s.earth @ C, r))
+        u = np.matvec(C, np.cross(compensated(p, self.ends, self.ends)[0] - s.earth @ C, r))
         impulse, back = s.gravity * T * UP + np.diff(u, axis=0), C[:-1].transpose(0, 2, 1)
         shift = 0.5 * s.gravity * T**2 * UP + np.diff(C @ r, axis=0) - T * u[:-1]
-        implied = back @ rotation(s.earth * T) @ C[1:], turned(back, impulse), turned(back, shift)
+        implied = back @ rotation(s.earth * T) @ C[1:], np.matvec(back, impulse), np.matvec(back, shift)
         return (*outputs, dt), implied, impulse
 
-    def equations(self, p, gap, drift):
+    def equations(self, p, gap, drift, change):
         """Return the whitened equations about the present trajectory and the parameters, shape (n + 1, 15, 58).
 
         Columns are the states before and after an interval, the parameters and the misclosure. The first set is that
@@ -246,8 +247,8 @@ class Segment:
             R, v, x = integrals or (_integrate(q, *outputs) if np.any(q != p) else implied)
             C0, C1 = rotation(before[:3]) @ C[:-1], rotation(after[:3]) @ C[1:]
             v0, v1 = self.velocity[:-1] + before[3:6], self.velocity[1:] + after[3:6]
-            b0, b1 = self.drift[:-1] + before[6:], self.drift[1:] + after[6:]
-            v, x, up, way = turned(C0, v), turned(C0, x), gravity * (1.0 + q[-1]), (C1 - C0) @ q[AT["outer_lever"]]
+            b0, b1, up = self.drift[:-1] + before[6:], self.drift[1:] + after[6:], gravity * (1.0 + q[-1])
+            v, x, way = np.matvec(C0, v), np.matvec(C0, x), (C1 - C0) @ q[AT["outer_lever"]]
             attitude = -Rotation.from_matrix(rotation(-spin) @ C0 @ R @ C1.transpose(0, 2, 1)).as_rotvec()
             velocity = v1 - v0 - v + 0.5 * np.cross(spin, v) + up * T + 2.0 * np.cross(s.earth, way)
             integral = T * v0 + x - np.cross(spin, x / 3.0 + T * v0) - 0.5 * up * T**2
@@ -259,7 +260,7 @@ class Segment:
         E[0, rows, STATES + np.arange(STATES)] = 1.0 / sigma
         E[0, 9:, 6:STATES] = np.diag(-keep[0] / spread[0])
         E[0, rows, -1] = np.r_[turn, self.velocity[0], self.drift[0] - keep[0] * drift] / sigma
-        drifting = p + (self.drift[:-1] @ np.eye(COUNT)[BIASES])[:, None]
+        drifting = p + (self.drift[:-1] @ np.eye(COUNT)[BIASES] + change)[:, None]
         E[1:, :, :-1] = derivatives(misclosures, 2 * STATES + COUNT)
         E[1:, :, -1] = misclosures(np.zeros(2 * STATES + COUNT), _integrate(drifting, self.gyro, self.accel, s.dt))
         # covariance of the equations: the errors of rate act by [1, −Ft, −Ft²/2T], those of force by [0, 1, t/T]
@@ -285,8 +286,8 @@ def _integrate(p, gyro, accel, dt):
     shift = (0.5 * f + 0.25 * product) * dt  # exact if the force is constant in n; in b, a sixth instead of a quarter
     R, v, x = np.broadcast_to(np.eye(3), (len(w), 3, 3)), np.zeros((len(w), 3)), np.zeros((len(w), 3))
     for j in range(w.shape[1]):
-        x = x + v * dt + turned(R, shift[:, j])
-        v = v + turned(R, change[:, j])
+        x = x + v * dt + np.matvec(R, shift[:, j])
+        v = v + np.matvec(R, change[:, j])
         R = R @ turns[:, j]
     return R, v, x
 
@@ -301,10 +302,10 @@ def motion_equations(stage, setting, prior):
     if not segments:
         raise NotCoveredError(f"the stage {stage.name} without a rest of {SHORTEST + MARGIN} s")
 
-    def linearise(point):
+    def linearise(point, change=lambda time: np.zeros((len(time), COUNT))):
         parts, end, drift = [], -np.inf, np.zeros(6)
         for segment in segments:
-            parts.append(segment.equations(point, segment.time[0] - end, drift))
+            parts.append(segment.equations(point, segment.time[0] - end, drift, change(segment.middle)))
             end, drift = segment.time[1], segment.drift[-1]
         before, after, equations = np.split(np.concatenate(parts), [STATES, 2 * STATES], axis=2)
         n, equations = len(before), equations.reshape(-1, COUNT + 1)

@@ -57,26 +57,21 @@ def matrix(p, sensor):
 def sensed(p, sensor, v):
     """Return the outputs (I + M_g) v + b_g or (I + M_a) v + K2 ∘ v² + b_a, shape (..., 3)."""
     square = p[..., AT["accel_quadratic"]] * v**2 if sensor == "accel" else 0.0
-    return turned(matrix(p, sensor), v) + square + p[..., AT[sensor + "_bias"]]
+    return np.matvec(matrix(p, sensor), v) + square + p[..., AT[sensor + "_bias"]]
 
 
 def compensated(p, gyro, accel):
     """Return rate, rad/s, and force at the reference point (size effect), m/s², by Newton's method, (..., 3) each."""
-    omega = turned(np.linalg.inv(matrix(p, "gyro")), gyro - p[..., AT["gyro_bias"]])
+    omega = np.matvec(np.linalg.inv(matrix(p, "gyro")), gyro - p[..., AT["gyro_bias"]])
     inverse, force = np.linalg.inv(matrix(p, "accel")), accel
     for _ in range(4):
-        force = force - turned(inverse, sensed(p, "accel", force) - accel)
+        force = force - np.matvec(inverse, sensed(p, "accel", force) - accel)
     return omega, force + p[..., AT["inner_lever"]] * (np.sum(omega**2, axis=-1, keepdims=True) - omega**2)
-
-
-def turned(C, v):
-    """Return the products of matrices, shape (..., 3, 3), and vectors, shape (..., 3)."""
-    return (C @ v[..., None])[..., 0]
 
 
 def rotation(v):
     """Return the rotation matrices of rotation vectors, rad, shape (..., 3, 3)."""
-    return Rotation.from_rotvec(v.reshape(-1, 3)).as_matrix().reshape(*v.shape, 3)
+    return Rotation.from_rotvec(v).as_matrix()
 
 
 def setting_of(meta):
@@ -87,7 +82,7 @@ def setting_of(meta):
     white, sizes = np.array([[imu["gyro_arw"], imu["accel_vrw"]], [imu["gyro_lsb"], imu["accel_lsb"]]])
     step = np.array([imu.get("gyro_quantisation", sizes[0]), imu.get("accel_quantisation", sizes[1])])
     refused = {
-        "effects, temperatures or a second IMU": any(meta.get(key) for key in ("model", "imu2", "temperature")),
+        "effects, temperatures or a second IMU": any(meta.get(key) for key in ("model", "imu2")),
         "an unknown azimuth": "azimuth_deg" not in site,
         "a filter of the unit": imu.get("bandwidth_hz") or imu.get("coning_compensated"),
         "an output rounded more coarsely than its noise": not increment and np.any(step > 2.5 * white * np.sqrt(rate)),
@@ -184,7 +179,7 @@ def stages_of(log, first, last):
         if not np.isfinite(part["angles"]).any():
             raise NotCoveredError(f"the stage {name} without angles of the table")
         cuts = [0, *(np.flatnonzero(np.diff(part["seq"]) != 1) + 1).tolist(), len(part)]
-        columns = {"seq": part["seq"], "angles": part["angles"]}
+        columns = {key: part[key] for key in ("seq", "angles", "temperature")}
         columns["gyro"], columns["accel"] = np.hsplit(part["counts"] * log.setting.sizes, 2)
         found[name] = SimpleNamespace(name=name, spans=list(pairwise(cuts)), **columns)
     return found

@@ -17,6 +17,7 @@ import numpy as np
 
 from .estimate import Joint, motion_equations, position_equations, rate_equations, solve
 from .samples import AT, BIASES, COUNT, DAMAGED, GROUP, NAMES, NotCoveredError, UnreadableError, read_log, stages_of
+from .temperature import OverTemperature, coefficients
 
 #: Largest difference in standard deviations, of sigmas as a ratio, and of correlation coefficients.
 VALUE, SIGMA, CORRELATION = 0.1, 0.02, 0.05
@@ -25,6 +26,7 @@ STAGES = {
     "rate": (rate_equations, AT["gyro_scale"]),
     "six_position": (position_equations, AT["accel_scale"] + AT["accel_bias"]),
     "azimuth_flip": (motion_equations, BIASES),
+    "temperature": (OverTemperature, [*range(COUNT)]),
 } | dict.fromkeys(("excitation", "designed"), (motion_equations, [*range(COUNT)]))
 #: Exit codes: all agrees, something does not, a file cannot be read, the log needs what this program does not compute.
 AGREES, DIFFERS, UNREADABLE, NOT_COVERED = 0, 1, 2, 5
@@ -68,9 +70,21 @@ def _result(result):
     table |= {(kind, name): float(row[kind]) for name, row in rows.items() for kind in ("value", "sigma")}
     for one, row in result.get("correlation", {}).items():
         table |= {("correlation", f"{one}, {other}"): float(value) for other, value in row.items()}
+    table |= _joint(*coefficients(result.get("temperature", {})))
     checks = [check for check in result.get("checks", []) if check.get("kind") in DECISIONS]
     table |= {(check["kind"], check["subject"]): bool(check["passed"]) for check in checks}
     return {key: value for key, value in table.items() if value is not None}
+
+
+def _joint(values, covariance):
+    """Return the statements of named values with a covariance matrix."""
+    table = {}
+    for k, (name, value) in enumerate(values):
+        table["value", name], table["sigma", name] = value, math.sqrt(covariance[k][k])
+        for j, (other, _) in enumerate(values[:k]):
+            scale = table["sigma", name] * table["sigma", other]
+            table["correlation", f"{name}, {other}"] = covariance[k][j] / scale if scale else 0.0
+    return table
 
 
 def _words(element, tag):
@@ -99,11 +113,7 @@ def _dcc(data):
     for block in root.iterfind(".//{*}realList"):
         reals = [(_words(real, "label")[0], float(_words(real, "value")[0])) for real in block.findall("{*}real")]
         matrix = [[float(e.text) for e in column.iterfind(".//{*}value")] for column in block.findall(".//{*}column")]
-        for k, (name, value) in enumerate(reals if len(reals) == len(matrix) else []):
-            joint["value", name], joint["sigma", name] = value, math.sqrt(matrix[k][k])
-            for j, (other, _) in enumerate(reals[:k]):
-                scale = joint["sigma", name] * joint["sigma", other]
-                joint["correlation", f"{name}, {other}"] = matrix[k][j] / scale if scale else 0.0
+        joint |= _joint(reals, matrix) if len(reals) == len(matrix) else {}
     return {"DCC": table} | ({"DCC, joint estimate": joint} if joint else {})
 
 
@@ -111,10 +121,12 @@ class Solution:
     """The independent estimate of the stages of a result, with the table's noise in each as the run measured it."""
 
     def __init__(self, log, result):
-        checks, s, self.stage, self.meta = result.get("checks", []), log.setting, {}, log.setting.meta
+        checks, s, self.stage, self.over, self.meta = result.get("checks", []), log.setting, {}, None, log.setting.meta
         if any(check.get("kind") == "imu_noise" and check["value"] > 1.0 + 1e-9 for check in checks):
             raise NotCoveredError("a unit that is noisier than its profile, whose sigmas the run has increased")
         noise = {check["subject"]: check["value"] for check in checks if check.get("kind") == "table_noise"}
+        if noise.get("temperature", 1.0) > 1.1:
+            raise NotCoveredError("a table that is noisier than its profile at a temperature")
         recorded = stages_of(log, result["log"].get("first_seq", 0), result["log"].get("last_seq", 2**62))
         joint, velocity = Joint(np.outer(s.mean, [0.0, 0.0, 0.0, 1.0]), s.covariance, np.zeros((0, 4))), s.velocity
         self.prior = joint.sigma
@@ -124,41 +136,50 @@ class Solution:
             if name not in recorded:
                 raise UnreadableError(f"the log has no samples of the stage {name}")
             linearise, estimated = STAGES[name]
+            self.stage |= {i: name for i in estimated if self.prior[i] > 0.0}
+            if linearise is OverTemperature:  # the only stage of its run
+                joint = self.over = OverTemperature(log, recorded[name], result["temperature"], joint)
+                continue
             s.velocity = velocity * max(noise.get(name, 1.0), 1.0) ** 2
             joint = solve(name, linearise(recorded[name], s, joint), joint, estimated)
-            self.stage |= {i: name for i in estimated if self.prior[i] > 0.0}
+        self.names = NAMES + (self.over.names if self.over else ())
         self.mean, covariance, part = joint.complete(s.offset, s.offset_sigma, s.gravity_sigma / s.gravity)
         self.sigma = np.sqrt(np.diag(covariance))
         scale = np.where(self.sigma > 0.0, self.sigma, 1.0)
-        self.correlation = covariance / np.outer(scale, scale)
+        self.covariance, self.correlation = covariance, covariance / np.outer(scale, scale)
         # on a quiet table, the product determines the offsets of the axes with the noise that it measured
         self.share = np.sqrt(np.diag(part)) / scale * any(ratio < 0.8 for ratio in noise.values())
 
     def table(self):
         """Return what a document should state: (kind, subject) -> (value, smallest, largest) that agree."""
-        rows = {}
-        for i in (i for i in self.stage if self.sigma[i] > 0.0):
-            name, mean, sigma, share = NAMES[i], float(self.mean[i]), float(self.sigma[i]), float(self.share[i])
+        rows, determined = {}, [*self.stage, *range(COUNT, len(self.names))]
+        for i in (i for i in determined if self.sigma[i] > 0.0):
+            name, mean, sigma, share = self.names[i], float(self.mean[i]), float(self.sigma[i]), float(self.share[i])
             width, narrow = (VALUE + share) * sigma, np.sqrt(max(1.0 - share**2, 0.0)) - SIGMA
             rows["value", name] = mean, mean - width, mean + width
             rows["sigma", name] = sigma, narrow * sigma, (1.0 + SIGMA) * sigma
-            for j in self.stage:
+            for j in determined:
                 value, width = float(self.correlation[i, j]), CORRELATION + 2.0 * max(share, self.share[j])
-                rows["correlation", f"{name}, {NAMES[j]}"] = value, value - width, value + width
-            decisions = {(kind, name): (m >= 0.0, m >= t, m > -t) for kind, m, t in self._margins(i)}
+                rows["correlation", f"{name}, {self.names[j]}"] = value, value - width, value + width
+            margins = self._margins(i) if i < COUNT else ()
+            decisions = {(kind, name): (m >= 0.0, m >= t, m > -t) for kind, m, t in margins}
             if decisions:
                 rows |= decisions | {("decision", name): tuple(map(all, zip(*decisions.values(), strict=True)))}
         return rows
 
     def _margins(self, i):
         """Yield the kind, margin and tolerance of the limits of a parameter that the run determines."""
-        product, mean, sigma = self.meta.get("product") or {}, float(self.mean[i]), float(self.sigma[i])
+        product = self.meta.get("product") or {}
+        by_unknowns = self.over.over_range(i) if self.over else np.eye(COUNT)[[i]]
+        values, variances = by_unknowns @ self.mean, np.sum(by_unknowns @ self.covariance * by_unknowns, axis=1)
+        sigma = float(np.sqrt(variances.max()))
         limits, guard = product.get("limits", {}), 2.0 * ((product.get("conformity") or {}).get("rule") == "guard_band")
         limit = limits.get(NAMES[i], limits.get(GROUP[i])) if sigma <= 0.9 * self.prior[i] else None
         within = (limit or {}).get("within")
         if within is not None:
             low, high = within if isinstance(within, list) else (-within, within)
-            yield "within", min(mean - low, high - mean) - guard * sigma, (VALUE + guard * SIGMA) * sigma
+            margin = float(min(values.min() - low, high - values.max()))
+            yield "within", margin - guard * sigma, (VALUE + guard * SIGMA) * sigma
         largest = (limit or {}).get("sigma_below_after", {}).get(self.stage[i], (limit or {}).get("sigma_below"))
         if largest is not None:
             yield "sigma_below", largest - sigma, SIGMA * sigma
@@ -217,7 +238,9 @@ def _find_log(source, claims, log_path):
 
 def _findings(claim, first, own, solution, reasons):
     """Yield (code, subject, text) for every statement that differs from the own table or the first document."""
-    for name in (name for kind, name in own if kind == "value" and (kind, name) not in claim.table):
+    has_coefficients = any("[" in name for _, name in claim.table)
+    missing = (name for kind, name in own if kind == "value" and (kind, name) not in claim.table)
+    for name in (name for name in missing if has_coefficients or "[" not in name):
         yield "missing", name, f"{claim.source} does not state it"
     for (kind, name), stated in claim.table.items():
         value, low, high = own.get((kind, name), (stated, stated, stated))
@@ -225,7 +248,7 @@ def _findings(claim, first, own, solution, reasons):
             reason = f" ({', '.join(reasons[:5])})" if reasons and kind == "verdict" else ""
             text = f"{claim.source} states a {kind} of {_text(stated)}, the log gives {_text(value)}{reason}"
             yield "decision" if kind in DECISIONS else kind, name, text
-        if kind == "value" and (kind, name) not in own and solution.prior[NAMES.index(name)]:
+        if kind == "value" and (kind, name) not in own and solution.prior[NAMES.index(name.partition("[")[0])]:
             yield "unfounded", name, f"{claim.source} states it, but no stage of the run determines it"
         other = first.table.get((kind, name), stated)
         is_same = math.isclose(other, stated, rel_tol=1e-6) if isinstance(stated, float) else other == stated
@@ -246,33 +269,29 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         report = verify(options.source, options.log)
-        text = json.dumps(report, indent=1)
-        if options.json and options.json != "-":
-            Path(options.json).write_text(text, encoding="utf-8")
+        if options.json not in (None, "-"):
+            Path(options.json).write_text(json.dumps(report, indent=1), encoding="utf-8")
+        code = AGREES if report["agrees"] else DIFFERS
+        lines = json.dumps(report, indent=1).splitlines() if options.json == "-" else _table(report)
     except NotCoveredError as exc:
-        code, reason = NOT_COVERED, f"This program does not cover {exc}."
+        code, lines = NOT_COVERED, [f"verify: This program does not cover {exc}."]
     except (UnreadableError, OSError) as exc:
-        code, reason = UNREADABLE, str(exc)
+        code, lines = UNREADABLE, [f"verify: {exc}"]
     except DAMAGED as exc:
-        code, reason = UNREADABLE, f"{options.source} has an entry of another kind than expected: {exc!r}"
-    else:
-        print(text if options.json == "-" else _table(report))
-        return AGREES if report["agrees"] else DIFFERS
-    print(f"verify: {_printable(reason)}", file=sys.stderr)
+        code, lines = UNREADABLE, [f"verify: {options.source} has an entry of another kind than expected: {exc!r}"]
+    for line in lines:
+        printable = "".join(character if character.isprintable() else "?" for character in line)
+        print(printable, file=sys.stdout if code in (AGREES, DIFFERS) else sys.stderr)
     return code
 
 
 def _table(report):
     """Return the comparison as lines of text."""
     lines = [f"{'parameter':<20}{'stated':>15}{'own':>15}{'sigma':>12}{'difference':>12}{'sigma ratio':>13}"]
+    columns = "{:<20}{:>15.6e}{:>15.6e}{:>12.2e}{:>+12.4f}{:>13.4f}".format
     for name, row in report["parameters"].items():
-        numbers = f"{row['stated'][0]:>15.6e}{row['own'][0]:>15.6e}{row['own'][1]:>12.2e}"
-        lines.append(f"{name:<20}{numbers}{row['difference']:>+12.4f}{row['sigma_ratio']:>13.4f}")
-    lines += [_printable("{code}: {subject}: {text}".format(**finding)) for finding in report["findings"]]
+        lines.append(columns(name, row["stated"][0], *row["own"], row["difference"], row["sigma_ratio"]))
+    lines += ["{code}: {subject}: {text}".format(**finding) for finding in report["findings"]]
     lines += [f"log {report['log']['log']}", "verdict stated: {stated}; limits: {limits}".format(**report["verdict"])]
     agrees = "agrees." if report["agrees"] else f"does not agree: {len(report['findings'])} findings."
-    return "\n".join([*lines, f"The log {agrees}"])
-
-
-def _printable(text):
-    return "".join(c if c.isprintable() else "?" for c in text)
+    return [*lines, f"The log {agrees}"]

@@ -16,11 +16,15 @@ from typing import Any, Literal
 import numpy as np
 
 from calstation.bench import BenchConfig
-from calstation.config import RunRequest, load_configuration
+from calstation.config import RunRequest, library, load_configuration
 from calstation.estimation.common import SampleBlock
 from calstation.records import RawLogWriter
 from calstation.results import resolve
+from calstation.schema import validate
 from calstation.simulation import bench_config
+from calstation.simulation.chamber_simulator import ChamberSimulator
+from calstation.simulation.temperature_study import PRODUCTS as THERMAL_PRODUCTS
+from calstation.simulation.temperature_study import RAMP_SCHEDULE, RATE_TERM
 from calstation.verify import samples, verify
 from procedures import method
 from tests.make_references import SHORT
@@ -34,6 +38,18 @@ KINDS: dict[str, tuple[str, ...]] = {
     "rate and six_position": ("rate", "six_position"),
     "excitation": ("excitation",),
     "excitation and azimuth_flip": ("excitation", "azimuth_flip"),
+}
+#: Kinds of logs over temperature, with the entries of the schedule that differ from those of the product.
+OVER_TEMPERATURE: dict[str, dict[str, Any]] = {"soaks": {}, "ramp": RAMP_SCHEDULE}
+#: Short soaks, in which the temperature still changes, and their section `[temperature]`.
+SHORT_SOAKS: dict[str, Any] = {
+    "points_c": [25.0, 40.0, 20.0, 40.0, 20.0],
+    "soak": {"unit_rate_below_c_per_min": 1.0, "hold_s": 30.0, "at_most_s": 2000.0},
+}
+SHORT_SECTION: dict[str, Any] = {
+    "range_c": (24.0, 41.0),
+    "order": dict.fromkeys(("gyro_bias", "gyro_scale", "accel_bias", "accel_scale"), 1),
+    "rate_term": ["gyro_bias"],
 }
 
 
@@ -78,8 +94,42 @@ def cases(count: int) -> Iterator[Case]:
         yield Case(number, grade, kind, simulator, is_short, length, lever, latitude, gap)
 
 
+def cases_over_temperature(count: int) -> Iterator[Case]:
+    """Yield whole calibrations over temperature, soaks and ramps of both grades evenly."""
+    for number in range(count):
+        kind, grade = ("soaks", "ramp")[number // 2 % 2], ("mems", "nav")[number % 2]
+        yield Case(number + 1, grade, kind, "bench", False, 1.0, "estimated", 34.25, gap=False)
+
+
+def write_log_over_temperature(case: Case, path: Path) -> int:
+    """Simulate a log of the stage `temperature` in the virtual chamber, see `write_log`."""
+    stage, rate = "temperature", 100.0
+    station, product = (
+        library.find("stations", "virtual_chamber"),
+        library.find("products", THERMAL_PRODUCTS[case.grade]),
+    )
+    setup = load_configuration(RunRequest(f"SN-{case.number:06d}", station, product))
+    settings = {**bench_config(setup), "flash_file": None, "sample_rate_hz": rate, "seed": case.number}
+    changed = SHORT_SOAKS if case.is_short else OVER_TEMPERATURE[case.kind]
+    schedule = validate(method(stage).schedule, {**setup.schedules[stage].model_dump(), **changed}, stage)
+    section = SHORT_SECTION if case.is_short else {"rate_term": sorted(RATE_TERM)} if case.kind == "ramp" else {}
+    meta, config = setup.log_meta(), BenchConfig.model_validate(settings)
+    assert meta.temperature is not None
+    imu = meta.imu.model_copy(update={"sample_rate_hz": rate})
+    over = meta.temperature.model_copy(update=section)
+    schedules = {stage: schedule.model_dump(mode="json")}
+    writer = RawLogWriter(path, meta.model_copy(update={"imu": imu, "temperature": over, "schedule": schedules}))
+    simulator = ChamberSimulator(config.truth(), config, case.number)
+    s = simulator.run(method(stage).plan(setup.table.geometry(), schedule), stage)
+    valid = np.ones(len(s.seq), np.bool_)
+    writer.append(SampleBlock(stage, s.seq, s.time, s.counts, s.angles, s.step, valid, s.temperature))
+    return writer.close("stopped").samples
+
+
 def write_log(case: Case, path: Path) -> int:
     """Simulate a log, write it as a station does, and return its number of samples."""
+    if case.kind in OVER_TEMPERATURE:
+        return write_log_over_temperature(case, path)
     product = PRODUCTS[case.grade] + ("_fast" if case.kind == "designed" else "")
     setup = load_configuration(RunRequest("SN-000001", product=Path("data/products") / f"{product}.toml"))
     meta = setup.log_meta()
@@ -133,12 +183,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("--count", type=int, default=200, help="number of logs")
     parser.add_argument("--first", type=int, default=0, help="number of the first log")
+    parser.add_argument("--over-temperature", action="store_true", help="logs of the stage temperature instead")
     parser.add_argument("--minutes", type=float, default=25.0, help="processor time after which no log is begun")
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     compared: list[Comparison] = []
     with tempfile.TemporaryDirectory() as folder:
-        for case in cases(args.first + args.count):
+        chosen = cases_over_temperature if args.over_temperature else cases
+        for case in chosen(args.first + args.count):
             if case.number < args.first or time.process_time() > 60.0 * args.minutes:
                 continue
             try:
@@ -164,7 +216,7 @@ def main() -> int:
 def summary(compared: list[Comparison]) -> str:
     """Return a table with a row for each kind of log and grade."""
     lines = ["| log | number | largest difference, sigma | sigmas |", "|---|---|---|---|"]
-    for kind in KINDS:
+    for kind in (*KINDS, *OVER_TEMPERATURE):
         for grade in PRODUCTS:
             group = [each for each in compared if (each.case.kind, each.case.grade) == (kind, grade)]
             if group:

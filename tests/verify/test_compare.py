@@ -5,12 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.verify.compare import Case, cases, compare
+from tests.verify.compare import Case, cases, cases_over_temperature, compare
 
 #: Largest difference of a value, in sigmas, and of a sigma, relative to it.
 VALUE, SIGMA = 0.02, 0.005
 LOGS = {case.number: case for case in cases(200)}
+OVER_TEMPERATURE = {case.number: case for case in cases_over_temperature(8)}
 SHORT = Case(11, "mems", "designed", "bench", True, 0.5, "estimated", 30.0, gap=False)
+SHORT_OVER_TEMPERATURE = replace(SHORT, kind="soaks")
 
 
 def check(case: Case, folder: Path) -> None:
@@ -25,6 +27,17 @@ def check(case: Case, folder: Path) -> None:
 def test_a_short_log_agrees(tmp_path: Path, lever: str) -> None:
     """With a fixed lever arm, both offsets of the table's axes are uncertain."""
     check(replace(SHORT, outer_lever=lever), tmp_path)
+
+
+@pytest.mark.long
+def test_a_short_log_over_temperature_agrees(tmp_path: Path) -> None:
+    check(SHORT_OVER_TEMPERATURE, tmp_path)
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("number", OVER_TEMPERATURE)
+def test_a_log_over_temperature_agrees(tmp_path: Path, number: int) -> None:
+    check(OVER_TEMPERATURE[number], tmp_path)
 
 
 @pytest.mark.exhaustive

@@ -1,0 +1,128 @@
+"""The second opinion on a calibration over temperature agrees with calstation, and finds planted errors."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calstation.estimation.navigation import temperature_stage
+from calstation.estimation.temperature import fit
+from calstation.records import open_log
+from calstation.reports import build_certificate, write_dcc
+from calstation.results import load_result, resolve_log, write_json
+from calstation.verify import samples, verify
+from tests.verify.compare import write_log
+from tests.verify.test_compare import SHORT_OVER_TEMPERATURE
+
+pytestmark = pytest.mark.long
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The result JSON of a short log, beside the log."""
+    path = tmp_path_factory.mktemp("verify_over_temperature") / "log.h5"
+    write_log(SHORT_OVER_TEMPERATURE, path)
+    return solved(path, path.with_suffix(".json"))
+
+
+@pytest.fixture(scope="module")
+def solution(result: Path) -> Any:
+    log = samples.read_log(result.with_suffix(".h5"))
+    return verify.Solution(log, json.loads(result.read_text(encoding="utf-8")))
+
+
+@pytest.fixture
+def solved_once(solution: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(verify, "Solution", lambda *_: solution)
+
+
+def solved(log: Path, target: Path, change: Callable[[Any], Any] = lambda meta: meta) -> Path:
+    """Solve a log with a changed configuration and write its result."""
+    opened = open_log(log)
+    write_json(target, resolve_log(opened, change(opened.meta)).result.to_json())
+    return target
+
+
+def found(source: Path, log: Path) -> set[str]:
+    return {row["code"] for row in verify.verify(source, log)["findings"]}
+
+
+@pytest.mark.usefixtures("solved_once")
+def test_result_agrees(result: Path) -> None:
+    report = verify.verify(result)
+    assert report["findings"] == []
+    assert {"gyro_bias_x", "gyro_bias_x[0]", "gyro_bias_x[1]", "gyro_bias_x[rate]"} <= report["parameters"].keys()
+
+
+def test_digital_certificate_agrees(result: Path, tmp_path: Path, solution: Any) -> None:
+    dcc, own = tmp_path / "certificate.xml", solution.table()
+    dcc.write_bytes(write_dcc(build_certificate(load_result(result), open_log(result.with_suffix(".h5")).meta)))
+    stated = {key: value for claim in verify.read_claims(dcc) for key, value in claim.table.items()}
+    assert {("value", "gyro_bias_x[0]"), ("sigma", "gyro_bias_x[rate]"), ("value", "gyro_bias_x")} <= stated.keys()
+    for key in own.keys() & stated.keys():
+        _, low, high = own[key]
+        assert low <= stated[key] <= high, key
+
+
+def _sign(over: dict[str, Any]) -> None:
+    over["coefficients"]["gyro_bias_y"]["values"][1] *= -1.0
+
+
+def _rate(over: dict[str, Any]) -> None:
+    rate = over["coefficients"]["gyro_bias_y"]["rate"]
+    rate["value"] += 0.2 * rate["sigma"]
+
+
+def _sigma(over: dict[str, Any]) -> None:
+    over["covariance"] = (0.9 * np.array(over["covariance"])).tolist()
+
+
+def _missing(over: dict[str, Any]) -> None:
+    del over["coefficients"]["accel_scale_z"]
+    over["covariance"] = np.array(over["covariance"])[:-1, :-1].tolist()
+
+
+@pytest.mark.usefixtures("solved_once")
+@pytest.mark.parametrize(
+    ("change", "code"), [(_sign, "value"), (_rate, "value"), (_sigma, "sigma"), (_missing, "missing")]
+)
+def test_an_error_planted_in_the_coefficients_is_found(
+    result: Path, tmp_path: Path, change: Callable[[dict[str, Any]], None], code: str
+) -> None:
+    planted, target = json.loads(result.read_text(encoding="utf-8")), tmp_path / "planted.json"
+    change(planted["temperature"])
+    target.write_text(json.dumps(planted), encoding="utf-8")
+    assert code in found(target, result.with_suffix(".h5"))
+
+
+@pytest.mark.usefixtures("solved_once")
+def test_a_wrong_reference_of_calstation_is_found(result: Path, tmp_path: Path) -> None:
+    def change(meta: Any) -> Any:
+        return meta.model_copy(update={"temperature": meta.temperature.model_copy(update={"reference_c": 26.0})})
+
+    log = result.with_suffix(".h5")
+    assert "value" in found(solved(log, tmp_path / "planted.json", change), log)
+
+
+@pytest.mark.usefixtures("solved_once")
+def test_a_forgotten_bias_instability_is_found(result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(temperature_stage, "_instability", lambda _: np.zeros(30))
+    log = result.with_suffix(".h5")
+    assert found(solved(log, tmp_path / "planted.json"), log) == {"sigma"}
+
+
+@pytest.mark.usefixtures("solved_once")
+def test_a_forgotten_hysteresis_is_found(result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fit, "_MIN_OF_WAY", 100)
+    log = result.with_suffix(".h5")
+    assert "sigma" in found(solved(log, tmp_path / "planted.json"), log)
+
+
+def test_a_noisy_table_is_not_covered(result: Path) -> None:
+    stated, log = json.loads(result.read_text(encoding="utf-8")), samples.read_log(result.with_suffix(".h5"))
+    next(check for check in stated["checks"] if check["kind"] == "table_noise")["value"] = 1.3
+    with pytest.raises(samples.NotCoveredError, match="noisier than its profile at a temperature"):
+        verify.Solution(log, stated)
