@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from calstation.estimation.common import Posterior, TemperatureModel
+from calstation.estimation.effects import ModelledEffects
 from calstation.estimation.temperature import (
     ELEMENT_OF,
     TemperaturePoint,
@@ -123,6 +124,30 @@ def test_hysteresis_has_a_size_and_leaves_the_other_tests_alone() -> None:
             assert found.keys() == ({"accel_bias_x", "accel_bias_y", "accel_bias_z"} if size else set(NAMES))
             row = found["accel_bias_x"]
             assert abs(row.difference - step[i]) < 5.0 * row.sigma < 0.05 * PRIOR.sigma[i]
+
+
+def test_effects_are_estimated_from_all_points_as_in_one_problem() -> None:
+    """The points are solved without the effects; data, coefficients and effects in one problem are the reference."""
+    rng, model = np.random.default_rng(21), TemperatureModel(25.0, (-40.0, 85.0), {"gyro_bias": 1, "accel_bias": 1})
+    columns, points, rows, observed = len(model.columns), [], [], []
+    scaled, size = 0.3 * PRIOR.sigma[[c.parameter for c in model.columns]], np.array([1.5, -0.5])
+    for k, t in enumerate(TEMPERATURES):
+        H, E = 30.0 * rng.normal(size=(60, COUNT)) / PRIOR.sigma, 20.0 * rng.normal(size=(60, 2))
+        z = H @ model.basis(t) @ scaled + E @ size + rng.normal(size=60)
+        posterior = np.linalg.inv(np.linalg.inv(PRIOR.covariance) + H.T @ H)
+        weighted = np.linalg.solve(np.eye(60) + H @ PRIOR.covariance @ H.T, np.column_stack([E, z]))
+        effects = ModelledEffects(np.zeros(COUNT), -posterior @ H.T @ E, E.T @ weighted[:, 2], E.T @ weighted[:, :2])
+        solved = Posterior(posterior @ H.T @ z, posterior)
+        points.append(TemperaturePoint(t, 0.0, 600.0 * k, "soak", 0, 1, PRIOR, solved, effects=effects))
+        rows.append(np.hstack([H @ model.basis(t), E]))
+        observed.append(z)
+    A, sigma = np.vstack(rows), np.append(PRIOR.sigma[[c.parameter for c in model.columns]], [1.0, 1.0])
+    covariance = np.linalg.inv(A.T @ A + np.diag(sigma**-2.0))
+    mean = covariance @ A.T @ np.concatenate(observed)
+    fit, expected = polynomials_of(model, points, PRIOR), np.sqrt(np.diag(covariance))[:columns]
+    assert np.max(np.abs(fit.scaled - mean[:columns]) / expected) < 1e-3
+    assert np.sqrt(np.diag(fit.scaled_covariance)) == pytest.approx(expected, rel=1e-5)
+    assert fit_temperature(model, points, PRIOR).effects == pytest.approx(mean[columns:], abs=1e-5)
 
 
 @pytest.mark.long

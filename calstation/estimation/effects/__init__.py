@@ -9,7 +9,7 @@ from calstation.estimation.effects.evidence import (
 )
 from calstation.estimation.effects.plausible import plausible_changes
 from calstation.estimation.effects.priors import EffectPrior, known_effects, possible_signs
-from calstation.estimation.effects.score import EffectEstimate, EffectLimit, EffectTests
+from calstation.estimation.effects.score import EffectEstimate, EffectLimit, EffectTests, ModelledEffects
 from calstation.estimation.effects.sensitivity import (
     Sensitivity,
     StageEffects,

@@ -72,6 +72,20 @@ class EffectEstimate:
         return Posterior(mean, posterior.covariance + self.error @ self.covariance @ self.error.T + self.gauge)
 
 
+@dataclass(frozen=True)
+class ModelledEffects:
+    """Contributions of the effects in the model to a solution without them, about their prior means."""
+
+    change: FloatArray  #: Change of the parameters due to the prior means, shape (30,).
+    error: FloatArray  #: Parameter error due to each effect per prior sigma of its size, shape (30, k).
+    score: FloatArray  #: Score of the sizes in prior sigmas, shape (k,).
+    information: FloatArray  #: Information about them, shape (k, k).
+
+    def explained(self, size: FloatArray) -> float:
+        """Return the part of the sum of squared innovations that effects of sizes in prior sigmas, (k,), explain."""
+        return float(2.0 * self.score @ size - size @ self.information @ size)
+
+
 class EffectTests:
     """Tests for all effects over the stages so far, and the estimate of the effects in the unit's model.
 
@@ -177,6 +191,15 @@ class EffectTests:
         reported = tuple(is_state and sigma > 0.0 for is_state, sigma in zip(stated, sigmas, strict=True))
         gauge = _gauge(names, size, covariance)
         return EffectEstimate(names, units, reported, size, covariance, self._error[:, at], explained, gauge)
+
+    def modelled(self) -> ModelledEffects:
+        """Return the contributions of the effects in the model, whose sizes are estimated with other solutions."""
+        at, priors = self._solve(self._model).columns, [self._prior(candidate) for candidate in self._model]
+        mean = np.array([value for prior in priors for value in prior.mean])
+        sigma = np.array([value for prior in priors for value in prior.sigma])
+        error, information = self._error[:, at], self._information[np.ix_(at, at)]
+        score = sigma * (self._score[at] - information @ mean)
+        return ModelledEffects(error @ mean, error * sigma, score, information * np.outer(sigma, sigma))
 
     @property
     def models_effects(self) -> bool:

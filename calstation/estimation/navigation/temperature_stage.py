@@ -24,7 +24,7 @@ from calstation.estimation.common import (
     nis_consistency,
     stage_data,
 )
-from calstation.estimation.effects import EffectTests, effect_tests, known_effects
+from calstation.estimation.effects import EffectTests, Sensitivity, effect_tests, known_effects
 from calstation.estimation.method import Progress, Solution, StageSolver
 from calstation.estimation.navigation.stage import NavigationStage
 from calstation.estimation.temperature import (
@@ -163,7 +163,9 @@ class TemperatureStage(StageSolver):
         before : latest coefficients
         keep_orders : whether the orders of `before` are kept
         """
-        points = [part.point(s.posterior, self.prior) for part, s in zip(parts, solutions, strict=True)]
+        points = [
+            self._with_effects(p.point(s.posterior, self.prior), s) for p, s in zip(parts, solutions, strict=True)
+        ]
         points = held_out_points(with_ways(points), self._model.held_out)
         automatic = self._model.is_automatic and not keep_orders
         model, lags = (self._model, NO_LAGS) if before is None else (before.model, before.lags)
@@ -175,6 +177,18 @@ class TemperatureStage(StageSolver):
             fit = polynomials(model, points, self.prior, used)
             lags = fit.lags
         return fit, points, used
+
+    def _with_effects(self, point: TemperaturePoint, solution: Solution) -> TemperaturePoint:
+        """Return a point with the effects in the model, such as the offset of the table's axes, about their means."""
+        if solution.sensitivity is None:
+            return point
+        effects = self._tested_effects(solution.sensitivity).modelled()
+        posterior = Posterior(point.posterior.mean + effects.change, point.posterior.covariance)
+        return replace(point, posterior=posterior, effects=effects)
+
+    def _tested_effects(self, sensitivity: Sensitivity) -> EffectTests:
+        effects = EffectTests(np.zeros(COUNT), self.context.states, known_effects(self.prior.sigma, self.context))
+        return effects.with_stage("temperature", sensitivity, self._estimated)
 
     def _courses(self, block: SampleBlock, parts: Sequence["_Part"], lags: FloatArray) -> Sequence[ElementTemperatures]:
         """Return the temperatures of the elements during each part.
@@ -194,7 +208,8 @@ class TemperatureStage(StageSolver):
 
     def _solution(self, fit: TemperatureFit, solutions: Sequence[Solution], block: SampleBlock) -> Solution:
         """Return the solution with the parameters at the reference temperature."""
-        total = sum(s.consistency.nis_mean * s.consistency.count for s in solutions)
+        explained = sum(p.effects.explained(fit.effects) for p in fit.points if p.effects is not None)
+        total = max(sum(s.consistency.nis_mean * s.consistency.count for s in solutions) - explained, 0.0)
         count = sum(s.consistency.count for s in solutions)
         posterior = fit.at(self._model.reference)
         held_out = fit.held_out_test(self._estimated)
@@ -223,9 +238,7 @@ class TemperatureStage(StageSolver):
         tests = []
         for solution in solutions:
             if solution.sensitivity is not None:
-                priors = known_effects(self.prior.sigma, self.context)
-                effects = EffectTests(np.zeros(COUNT), self.context.states, priors)
-                effects = effects.with_stage("temperature", solution.sensitivity, self._estimated)
+                effects = self._tested_effects(solution.sensitivity)
                 harmful, _ = effect_tests(effects.evidence(solution.posterior))
                 tests += [harmful] if harmful is not None else []
         return sorted(tests, key=_severity)[-1:]

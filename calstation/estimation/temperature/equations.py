@@ -16,10 +16,11 @@ LAG_SIGMA = 60.0
 
 @dataclass(frozen=True)
 class Equations:
-    """Observations of all fitted points, and their Jacobian with respect to the scaled coefficients and the lags."""
+    """Observations of all fitted points, and their Jacobian by scaled coefficients, lags and effects in the model."""
 
     observed: FloatArray  #: Shape (n,).
-    jacobian: FloatArray  #: Shape (n, c + 2).
+    jacobian: FloatArray  #: Shape (n, c + 2 + k).
+    effects: int  #: Number k of effects.
     points: tuple[tuple[TemperaturePoint, FloatArray], ...]  #: Points and the Jacobians of the parameters.
 
     def column(self, parameter: int, sizes: FloatArray) -> FloatArray:
@@ -72,19 +73,30 @@ def coefficients_before(model: TemperatureModel, prior: Posterior) -> Unknowns:
     return Unknowns(mean, sigma, precision)
 
 
-def unknowns_before(model: TemperatureModel, prior: Posterior, lags: FloatArray) -> Unknowns:
-    """Return the coefficients and the corrections of assumed lags, s, shape (2,), before the fit."""
-    return coefficients_before(model, prior).with_further(-lags, np.full(len(lags), LAG_SIGMA * model.has_lag))
+def unknowns_before(model: TemperatureModel, prior: Posterior, lags: FloatArray, effects: int) -> Unknowns:
+    """Return the unknowns before the fit.
+
+    Parameters
+    ----------
+    model, prior : as in `coefficients_before`
+    lags : assumed lags, s, shape (2,), whose corrections follow the coefficients
+    effects : number of effects, whose sizes in prior sigmas are the last unknowns
+    """
+    coefficients = coefficients_before(model, prior)
+    with_lags = coefficients.with_further(-lags, np.full(len(lags), LAG_SIGMA * model.has_lag))
+    return with_lags.with_further(np.zeros(effects), np.ones(effects))
 
 
 def equations_of(model: TemperatureModel, points: Sequence[TemperaturePoint], prior: Posterior) -> Equations:
     """Return the equations of the points that are not held out, linearised about a fit without the lags."""
     fitted = [(p, *p.observations(prior.sigma)) for p in points if not p.is_held_out]
-    observed = np.concatenate([y for _, y, _ in fitted])
-    jacobian = np.vstack([j @ model.basis(*p.conditions) for p, _, j in fitted])
+    observed = np.concatenate([y for _, y, _, _ in fitted])
+    jacobian = np.vstack([j @ model.basis(*p.conditions) for p, _, j, _ in fitted])
     coefficients, _ = coefficients_before(model, prior).updated(jacobian, observed)
-    lagging = np.vstack([_of_lags(model, p, j, coefficients) for p, _, j in fitted])
-    return Equations(observed, np.hstack([jacobian, lagging]), tuple((p, j) for p, _, j in fitted))
+    lagging = np.vstack([_of_lags(model, p, j, coefficients) for p, _, j, _ in fitted])
+    effects = np.vstack([e for _, _, _, e in fitted])
+    with_jacobians = tuple((p, j) for p, _, j, _ in fitted)
+    return Equations(observed, np.hstack([jacobian, lagging, effects]), effects.shape[1], with_jacobians)
 
 
 def _of_lags(

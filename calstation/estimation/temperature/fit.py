@@ -118,7 +118,8 @@ class Polynomials:
 class TemperatureFit(Polynomials):
     """The fit of all points, and its tests."""
 
-    points: tuple[TemperaturePoint, ...]
+    points: tuple[TemperaturePoint, ...]  #: With the effects in the model.
+    effects: FloatArray  #: Sizes of the effects in the model, in prior sigmas, shape (k,).
     consistency: Consistency  #: Test of the residuals of the fitted points.
     test: ModelTest
     hysteresis: FloatArray  #: Part of the sigmas of the parameters due to hysteresis, SI, shape (30,).
@@ -172,13 +173,14 @@ def polynomials(
     lags : lags with which the temperatures of the points were computed, s, shape (2,)
     """
     equations = equations_of(model, points, prior)
-    return _solved(model, *unknowns_before(model, prior, lags).updated(equations.jacobian, equations.observed), lags)
+    before = unknowns_before(model, prior, lags, equations.effects)
+    return _solved(model, *before.updated(equations.jacobian, equations.observed), lags)
 
 
 def _solved(model: TemperatureModel, mean: FloatArray, covariance: FloatArray, lags: FloatArray) -> Polynomials:
-    count = len(model.columns)
-    sigmas = np.sqrt(np.diag(covariance)[count:])
-    return Polynomials(model, mean[:count], covariance[:count, :count], lags + mean[count:], sigmas)
+    count, of_lags = len(model.columns), slice(len(model.columns), len(model.columns) + len(lags))
+    sigmas = np.sqrt(np.diag(covariance)[of_lags])
+    return Polynomials(model, mean[:count], covariance[:count, :count], lags + mean[of_lags], sigmas)
 
 
 def fit_temperature(
@@ -198,15 +200,17 @@ def fit_temperature(
     model, points, prior, lags : see `polynomials`
     instability : sigmas of the parameters due to bias instability, SI, shape (30,)
     """
-    equations, before = equations_of(model, points, prior), unknowns_before(model, prior, lags)
+    equations = equations_of(model, points, prior)
+    before = unknowns_before(model, prior, lags, equations.effects)
     consistency, test, hysteretic = _tested(model, equations, before.sigma)
     mean, covariance, hysteresis = _with_hysteresis(model, equations, before, points)
     if instability is not None:
         covariance = covariance + _of_constants(model, before.sigma, instability)
-    groups = hysteretic or (GROUPS if test.passed else ())
+    groups, first = hysteretic or (GROUPS if test.passed else ()), len(before.mean) - equations.effects
     return TemperatureFit(
         **vars(_solved(model, mean, covariance, lags)),
-        points=tuple(points),
+        points=tuple(p.with_effects(mean[first:], covariance[first:, first:]) for p in points),
+        effects=mean[first:],
         consistency=consistency,
         test=test,
         hysteresis=hysteresis,
@@ -216,7 +220,8 @@ def fit_temperature(
 
 def predicted_covariance(model: TemperatureModel, points: Sequence[TemperaturePoint], prior: Posterior) -> FloatArray:
     """Return the covariance of the scaled coefficients after a fit to points, shape (c, c); see `fit_temperature`."""
-    equations, before = equations_of(model, points, prior), unknowns_before(model, prior, NO_LAGS)
+    equations = equations_of(model, points, prior)
+    before = unknowns_before(model, prior, NO_LAGS, equations.effects)
     _, covariance, _ = _with_hysteresis(model, equations, before, points, is_planned=True)
     return covariance[: len(model.columns), : len(model.columns)]
 
@@ -301,7 +306,8 @@ def with_orders(model: TemperatureModel, points: Sequence[TemperaturePoint], pri
     highest = min(different_temperatures(fitted) - 1, _HIGHEST)
     free = [g for g in GROUPS if not (g in model.order or g.endswith("_lever")) and prior.sigma[group_indices(g)].any()]
     equations = equations_of(model, points, prior)
-    projector = _Projector(equations.jacobian[:, unknowns_before(model, prior, NO_LAGS).sigma > 0.0])
+    before = unknowns_before(model, prior, NO_LAGS, equations.effects)
+    projector = _Projector(equations.jacobian[:, before.sigma > 0.0])
     while True:
         gains, added = dict[str, float](), dict[str, FloatArray]()
         for group in free:

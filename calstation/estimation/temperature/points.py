@@ -8,12 +8,13 @@ from typing import Literal
 import numpy as np
 
 from calstation.estimation.common import Posterior
+from calstation.estimation.effects import ModelledEffects
 from calstation.estimation.temperature.course import ELEMENT_OF
 from calstation.physics import COUNT, FloatArray
 
 Way = Literal["up", "down", "soak"]
-#: Smallest information of an observation, relative to that of the prior.
-_INFORMATIVE = 1.0
+#: Smallest information of an observation of parameters, and of one of effects alone, relative to that of the prior.
+_INFORMATIVE, _NEGLIGIBLE = 1.0, 1e-6
 #: Difference of temperatures up to which they count as one, K.
 _SAME = 1.0
 
@@ -35,6 +36,7 @@ class TemperaturePoint:
     #: Mean temperatures of gyros and accelerometers, °C, and their rates, K/s, shape (2, 2); None if they are those of
     #: the sensor.
     elements: FloatArray | None = None
+    effects: ModelledEffects | None = None  #: Effects in the model, without which the posterior was solved.
 
     @property
     def conditions(self) -> tuple[FloatArray, FloatArray]:
@@ -43,10 +45,19 @@ class TemperaturePoint:
             return np.full(COUNT, self.temperature), np.full(COUNT, self.rate)
         return self.elements[0, ELEMENT_OF], self.elements[1, ELEMENT_OF]
 
-    def observations(self, scale: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return decorrelated observations of unit variance, shape (n,), and their Jacobian, shape (n, 30).
+    def with_effects(self, size: FloatArray, covariance: FloatArray) -> "TemperaturePoint":
+        """Return the point with effects of estimated sizes in prior sigmas, (k,), and with their covariance, (k, k)."""
+        if self.effects is None:
+            return self
+        mean, error = self.posterior.mean, self.effects.error
+        solved = Posterior(mean + error @ size, self.posterior.covariance + error @ covariance @ error.T)
+        return replace(self, posterior=solved)
 
-        `scale` are the sigmas of the prior, 0 for a fixed parameter. The observations contain the data only.
+    def observations(self, scale: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return decorrelated observations of unit variance, and their Jacobians by parameters and effects.
+
+        They have the shapes (n,), (n, 30) and (n, k). `scale` are the sigmas of the prior, 0 for a fixed parameter. The
+        observations contain the data only; the last ones are of the effects alone.
         """
         free = scale > 0.0
         s = scale[free]
@@ -58,7 +69,21 @@ class TemperaturePoint:
         observed = vectors[:, kept].T @ (after @ means[1] - before @ means[0]) / roots
         jacobian = np.zeros((len(roots), COUNT))
         jacobian[:, free] = roots[:, None] * vectors[:, kept].T / s
-        return observed, jacobian
+        if self.effects is None:
+            return observed, jacobian, np.zeros((len(observed), 0))
+        error = self.effects.error[free] / s[:, None]
+        by_effects = vectors[:, kept].T @ after @ error / roots[:, None]
+        score = self.effects.score - error.T @ after @ means[1] + by_effects.T @ observed
+        sizes, directions = np.linalg.eigh(
+            self.effects.information + error.T @ after @ error - by_effects.T @ by_effects
+        )
+        alone = sizes > _NEGLIGIBLE
+        root = np.sqrt(sizes[alone])
+        return (
+            np.append(observed, directions[:, alone].T @ score / root),
+            np.vstack([jacobian, np.zeros((len(root), COUNT))]),
+            np.vstack([-by_effects, root[:, None] * directions[:, alone].T]),
+        )
 
     @property
     def _both(self) -> tuple[Posterior, Posterior]:
