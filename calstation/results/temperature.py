@@ -76,6 +76,7 @@ class TemperaturePointResult(ResultSection):
     first_seq: int
     last_seq: int
     held_out: bool = False
+    table_noise: float | None = None  #: That of the solution relative to the profile of the table; None if unknown.
     values: dict[str, Number] = Field(default_factory=dict)
     sigma: dict[str, Number] = Field(default_factory=dict)
 
@@ -94,6 +95,7 @@ class TemperaturePointResult(ResultSection):
             first_seq=point.first_seq,
             last_seq=point.last_seq,
             held_out=point.is_held_out,
+            table_noise=point.table_noise,
             values={NAMES[i]: float(values[i]) for i in known},
             sigma={NAMES[i]: float(sigma[i]) for i in known},
         )

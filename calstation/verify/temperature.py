@@ -4,6 +4,7 @@ A result states the points, which are parts of the samples, and which coefficien
 """
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 from scipy.linalg import block_diag, solve_banded
@@ -70,11 +71,13 @@ class OverTemperature:
         )
         self.constant, self.selection = np.flatnonzero(self.power == 0), np.eye(COUNT)[self.owner]
         samples = [stages_of(log, point["first_seq"], point["last_seq"])["temperature"] for point in points]
+        ratios = [max(point.get("table_noise") or 1.0, 1.0) for point in points]
+        settings = [SimpleNamespace(**{**vars(s), "velocity": s.velocity * ratio**2}) for ratio in ratios]
         is_ramp = any(one["last_seq"] + 1 == other["first_seq"] for one, other in pairwise(points))
         self.parts = [Course(each, s.dt) for each in samples]
         self.courses = [Course(stage, s.dt)] * len(points) if is_ramp else self.parts
         fitted = [k for k, point in enumerate(points) if not point["held_out"]]
-        self.solvers = {k: motion_equations(samples[k], s, prior) for k in fitted}
+        self.solvers = {k: motion_equations(samples[k], settings[k], prior) for k in fitted}
         self.own = dict.fromkeys(fitted, prior.mean)
         sigma = np.r_[[LAG_SIGMA * is_ramp] * 2, prior.sigma[self.owner]]
         mean, covariance, at_reference = np.zeros(len(sigma)), np.diag(sigma**2), 2 + self.constant
@@ -138,9 +141,9 @@ class OverTemperature:
         point = np.r_[np.zeros(len(parameters)), self.unknowns]
         return joint.updated(np.hstack([*(columns[group] for group in sizes), rows]), point), parameters
 
-    def complete(self, offset, _, gravity_sigma):
-        """Return the estimate of the parameters at the reference and the coefficients, without offsets of the axes."""
-        mean, covariance, part = self.joint.complete(0.0 * offset, 0.0 * offset, gravity_sigma)
+    def complete(self, *offset_and_gravity):
+        """Return the estimate of the parameters at the reference and of the coefficients, SI, see `Joint`."""
+        mean, covariance, part = self.joint.complete(*offset_and_gravity)
         first, variance = len(self.hysteresis) + 2, np.zeros(COUNT)
         variance[BIASES] = (ALLAN * self.drift) ** 2
         for group in dict.fromkeys(GROUP[i] for i in self.hysteresis):  # in use, after the temperature has risen

@@ -109,7 +109,9 @@ def write_log_over_temperature(case: Case, path: Path) -> int:
         library.find("products", THERMAL_PRODUCTS[case.grade]),
     )
     setup = load_configuration(RunRequest(f"SN-{case.number:06d}", station, product))
+    offset = float(np.random.default_rng([case.number, 34]).normal(0.0, 0.5))
     settings = {**bench_config(setup), "flash_file": None, "sample_rate_hz": rate, "seed": case.number}
+    settings["axis_offset_mm"] = offset
     changed = SHORT_SOAKS if case.is_short else OVER_TEMPERATURE[case.kind]
     schedule = validate(method(stage).schedule, {**setup.schedules[stage].model_dump(), **changed}, stage)
     section = SHORT_SECTION if case.is_short else {"rate_term": sorted(RATE_TERM)} if case.kind == "ramp" else {}

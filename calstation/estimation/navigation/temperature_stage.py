@@ -163,9 +163,7 @@ class TemperatureStage(StageSolver):
         before : latest coefficients
         keep_orders : whether the orders of `before` are kept
         """
-        points = [
-            self._with_effects(p.point(s.posterior, self.prior), s) for p, s in zip(parts, solutions, strict=True)
-        ]
+        points = [self._completed(p.point(s.posterior, self.prior), s) for p, s in zip(parts, solutions, strict=True)]
         points = held_out_points(with_ways(points), self._model.held_out)
         automatic = self._model.is_automatic and not keep_orders
         model, lags = (self._model, NO_LAGS) if before is None else (before.model, before.lags)
@@ -178,8 +176,10 @@ class TemperatureStage(StageSolver):
             lags = fit.lags
         return fit, points, used
 
-    def _with_effects(self, point: TemperaturePoint, solution: Solution) -> TemperaturePoint:
-        """Return a point with the effects in the model, such as the offset of the table's axes, about their means."""
+    def _completed(self, point: TemperaturePoint, solution: Solution) -> TemperaturePoint:
+        """Return a point with the noise of the table, and with the effects in the model about their means."""
+        noise = next((test.value for test in solution.tests if test.kind == "table_noise"), 1.0)
+        point = replace(point, table_noise=noise)
         if solution.sensitivity is None:
             return point
         effects = self._tested_effects(solution.sensitivity).modelled()

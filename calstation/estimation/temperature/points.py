@@ -37,6 +37,7 @@ class TemperaturePoint:
     #: the sensor.
     elements: FloatArray | None = None
     effects: ModelledEffects | None = None  #: Effects in the model, without which the posterior was solved.
+    table_noise: float = 1.0  #: Noise of the table that the solution assumes or measured, relative to its profile.
 
     @property
     def conditions(self) -> tuple[FloatArray, FloatArray]:
