@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 from scipy.linalg import block_diag, solve_banded
 
-from .estimate import Joint, derivatives, motion_equations, solve
+from .estimate import Joint, motion_equations, solve
 from .samples import AT, BIASES, COUNT, GROUP, NAMES, NotCoveredError, stages_of
 
 #: Element, gyros (0) or accelerometers (1), on whose temperature a parameter depends; groups with a hysteresis.
@@ -62,7 +62,7 @@ class OverTemperature:
     def __init__(self, log, stage, stated, prior):
         points, section, s = stated["points"], log.setting.meta["temperature"], log.setting
         self.prior, self.reference, self.range = prior, section["reference_c"], section["range_c"]
-        self.span, self.drift = np.abs(np.subtract(self.range, self.reference)).max(), s.drift
+        self.span, self.setting = np.abs(np.subtract(self.range, self.reference)).max(), s
         rows = {name: (len(row["values"]), bool(row.get("rate"))) for name, row in stated["coefficients"].items()}
         powers = [[*range(count), *[-1] * has_rate] for count, has_rate in (rows.get(n, (1, False)) for n in NAMES)]
         self.owner, self.power = np.array([(i, power) for i in range(COUNT) for power in powers[i]]).T
@@ -104,7 +104,10 @@ class OverTemperature:
 
         lags, time, own = unknowns[:2], self.parts[k].nodes, self.own[k]
         mean = parameters(lags, time).mean(axis=0)
-        by_lag = derivatives(lambda h: parameters(lags + h, time).mean(axis=0), 2)
+        # approximately, a lag delays the temperature
+        at_ends = self.terms(k, lags, time[[0, -1]]) * (self.power >= 0) * unknowns[2:]
+        by_time = (at_ends[1] - at_ends[0]) / (time[-1] - time[0]) @ self.selection
+        by_lag = -by_time[:, None] * (ELEMENT[:, None] == [0, 1])
         by_unknowns = np.hstack([by_lag, (self.terms(k, lags, time).mean(axis=0)[:, None] * self.selection).T])
         equations, move = self.solvers[k](own, lambda at: parameters(lags, at) - mean)
         J, misclosure = np.split(np.linalg.qr(equations, mode="r"), [COUNT], axis=1)
@@ -133,6 +136,7 @@ class OverTemperature:
         ups = np.diff([part.sensed.mean() for part in self.parts], prepend=np.nan)[[*self.solvers]]
         has_loops = min(np.count_nonzero(ups > 0.0), np.count_nonzero(ups < 0.0)) >= 2
         residual, free = rows[:, :-1] @ self.unknowns - rows[:, -1], before.sigma > 0.0
+        free[[-3, -2]] = self.setting.offset_sigma > 0.0
         sizes = _sizes(rows[:, :-1][:, free], residual, columns) if has_loops else {}
         parameters = np.repeat([i for group in sizes for i in AT[group]], len(WIDTHS)).astype(int)
         variances = [sizes[GROUP[i]] ** 2 for i in parameters]
@@ -145,7 +149,7 @@ class OverTemperature:
         """Return the estimate of the parameters at the reference and of the coefficients, SI, see `Joint`."""
         mean, covariance, part = self.joint.complete(*offset_and_gravity)
         first, variance = len(self.hysteresis) + 2, np.zeros(COUNT)
-        variance[BIASES] = (ALLAN * self.drift) ** 2
+        variance[BIASES] = (ALLAN * self.setting.drift) ** 2
         for group in dict.fromkeys(GROUP[i] for i in self.hysteresis):  # in use, after the temperature has risen
             loops = [np.flatnonzero(self.hysteresis == i) for i in AT[group]]
             squares = [mean[at].sum() ** 2 + covariance[np.ix_(at, at)].sum() for at in loops]
