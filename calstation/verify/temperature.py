@@ -42,6 +42,7 @@ class Course:
         starts = np.flatnonzero(np.diff(np.floor((time - time[0]) / INTERVAL), prepend=-1.0))
         count = np.diff(starts, append=len(time))
         self.time, self.sensed = (np.add.reduceat(x, starts) / count for x in (time, samples.temperature[known]))
+        self.mean = samples.temperature[known].mean()
 
     def at(self, lag, time):
         """Return temperature, °C, and rate, K/min, of an element that lags, or precedes by a negative lag, s."""
@@ -86,9 +87,11 @@ class OverTemperature:
         solve("temperature", self.linearise, before, np.arange(len(mean)))
         self.joint, self.hysteresis = self._with_hysteresis(before)
 
-    def terms(self, k, lags, time):
-        """Return the parameters at times of point k, s, per unit of their coefficients, shape (n, c)."""
-        T, rate = np.array([self.courses[k].at(lag, time) for lag in lags])[ELEMENT[self.owner]].transpose(1, 2, 0)
+    def terms(self, k, lags, time=None):
+        """Return the parameters at times in point k, s, or at its mean, per unit of the coefficients, shape (n, c)."""
+        courses = np.array([self.courses[k].at(lag, self.parts[k].nodes if time is None else time) for lag in lags])
+        courses = courses if time is not None else courses.mean(axis=2, keepdims=True)
+        T, rate = courses[ELEMENT[self.owner]].transpose(1, 2, 0)
         return np.where(self.power < 0, rate, ((T - self.reference) / self.span) ** np.maximum(self.power, 0))
 
     def linearise(self, unknowns):
@@ -98,18 +101,14 @@ class OverTemperature:
 
     def _of_point(self, k, unknowns):
         """Return equations of the parameters at the mean temperature of a point, about its own solution, and of all."""
-
-        def parameters(lags, time):
-            return (self.terms(k, lags, time) * unknowns[2:]) @ self.selection
-
-        lags, time, own = unknowns[:2], self.parts[k].nodes, self.own[k]
-        mean = parameters(lags, time).mean(axis=0)
+        lags, sizes, own, ends = unknowns[:2], unknowns[2:], self.own[k], self.parts[k].nodes[[0, -1]]
+        terms = self.terms(k, lags)[0]
+        mean = (terms * sizes) @ self.selection
         # approximately, a lag delays the temperature
-        at_ends = self.terms(k, lags, time[[0, -1]]) * (self.power >= 0) * unknowns[2:]
-        by_time = (at_ends[1] - at_ends[0]) / (time[-1] - time[0]) @ self.selection
-        by_lag = -by_time[:, None] * (ELEMENT[:, None] == [0, 1])
-        by_unknowns = np.hstack([by_lag, (self.terms(k, lags, time).mean(axis=0)[:, None] * self.selection).T])
-        equations, move = self.solvers[k](own, lambda at: parameters(lags, at) - mean)
+        by_time = np.diff(self.terms(k, lags, ends), axis=0)[0] * (self.power >= 0) * sizes / np.diff(ends)
+        by_lag = -(by_time @ self.selection)[:, None] * (ELEMENT[:, None] == [0, 1])
+        by_unknowns = np.hstack([by_lag, terms * self.selection.T])
+        equations, move = self.solvers[k](own, lambda time: (self.terms(k, lags, time) * sizes) @ self.selection - mean)
         J, misclosure = np.split(np.linalg.qr(equations, mode="r"), [COUNT], axis=1)
         self.own[k] = self.prior.updated(np.hstack([J, misclosure]), own).mean
         move(self.own[k] - own)
@@ -122,7 +121,7 @@ class OverTemperature:
             T = np.array([course.at(lag, part.nodes)[0].mean() for lag in lags])[:, None]
             middles, total = T - WIDTHS * STATES if middles is None else middles, 0.0
             first, last = np.sort(part.sensed)[[0, -1] if part.sensed[-1] >= part.sensed[0] else [-1, 0]]
-            for value in np.linspace(first, last, 9) - part.sensed.mean():
+            for value in np.linspace(first, last, 9) - part.mean:
                 middles = np.clip(middles, T + value - WIDTHS, T + value + WIDTHS)
                 total = total + (T + value - middles) / WIDTHS
             means.append(total / 9)
@@ -133,7 +132,7 @@ class OverTemperature:
         rows, loops = np.vstack([rows for _, rows in self.equations.values()]), self._loops(self.unknowns[:2])
         each = {k: (J[:, :, None] * loops[k, ELEMENT]) for k, (J, _) in self.equations.items()}
         columns = {g: np.vstack([C[:, AT[g]].reshape(len(C), -1) for C in each.values()]) for g in HYSTERETIC}
-        ups = np.diff([part.sensed.mean() for part in self.parts], prepend=np.nan)[[*self.solvers]]
+        ups = np.diff([part.mean for part in self.parts], prepend=np.nan)[[*self.solvers]]
         has_loops = min(np.count_nonzero(ups > 0.0), np.count_nonzero(ups < 0.0)) >= 2
         residual, free = rows[:, :-1] @ self.unknowns - rows[:, -1], before.sigma > 0.0
         free[[-3, -2]] = self.setting.offset_sigma > 0.0
