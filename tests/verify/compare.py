@@ -103,19 +103,16 @@ def cases_over_temperature(count: int) -> Iterator[Case]:
 
 def write_log_over_temperature(case: Case, path: Path) -> int:
     """Simulate a log of the stage `temperature` in the virtual chamber, see `write_log`."""
-    stage, rate = "temperature", 100.0
-    station, product = (
-        library.find("stations", "virtual_chamber"),
-        library.find("products", THERMAL_PRODUCTS[case.grade]),
-    )
+    stage, station = "temperature", library.find("stations", "virtual_chamber")
+    product = library.find("products", THERMAL_PRODUCTS[case.grade])
     setup = load_configuration(RunRequest(f"SN-{case.number:06d}", station, product))
-    offset = float(np.random.default_rng([case.number, 34]).normal(0.0, 0.5))
-    settings = {**bench_config(setup), "flash_file": None, "sample_rate_hz": rate, "seed": case.number}
-    settings["axis_offset_mm"] = offset
+    meta, offset = setup.log_meta(), float(np.random.default_rng([case.number, 34]).normal(0.0, 0.5))
+    rate = 100.0 if case.is_short else meta.imu.sample_rate_hz
+    settings = {**(bench_config(setup) or {}), "flash_file": None, "sample_rate_hz": rate, "seed": case.number}
+    config = BenchConfig.model_validate({**settings, "axis_offset_mm": offset})
     changed = SHORT_SOAKS if case.is_short else OVER_TEMPERATURE[case.kind]
     schedule = validate(method(stage).schedule, {**setup.schedules[stage].model_dump(), **changed}, stage)
     section = SHORT_SECTION if case.is_short else {"rate_term": sorted(RATE_TERM)} if case.kind == "ramp" else {}
-    meta, config = setup.log_meta(), BenchConfig.model_validate(settings)
     assert meta.temperature is not None
     imu = meta.imu.model_copy(update={"sample_rate_hz": rate})
     over = meta.temperature.model_copy(update=section)
