@@ -8,7 +8,7 @@ import pytest
 from tests.verify.compare import Case, cases, cases_over_temperature, compare
 
 #: Largest difference of a value, in sigmas, and of a sigma, relative to it; in a ramp, differences of 65 points add up.
-VALUE, OF_RAMP, SIGMA = 0.02, 0.1, 0.005
+VALUE, OF_RAMP, SIGMA = 0.02, 0.05, 0.005
 LOGS = {case.number: case for case in cases(200)}
 OVER_TEMPERATURE = {case.number: case for case in cases_over_temperature(8)}
 SHORT = Case(11, "mems", "designed", "bench", True, 0.5, "estimated", 30.0, gap=False)
