@@ -166,7 +166,7 @@ def test_limits_are_edited_in_display_units_and_saved_in_si(forms: FormDriver) -
     changed = [line for line in text.splitlines() if line not in before.splitlines()]
     assert changed == ["within = 1.21203420277384e-05", "within = [-0.001, 0.0015]"]
     assert len(text.splitlines()) == len(before.splitlines()), "all comments are kept"
-    assert versions.list_versions("products", "nav_a")[0].author == forms.page.drafts.author
+    assert versions.list_versions("products", "nav_a")[0].author == forms.page.drafts.author.by
     forms.page.drafts.reload()
     assert forms.cell_text("gyro bias", "Highest") == "2.5"
     assert forms.cell_text("gyro scale factor", "Lowest") == "−1000"

@@ -95,7 +95,7 @@ def test_two_engineers_release_a_unit_on_the_history_page(operator: Operator, fa
     operator.press("history_release_confirm_button")
     operator.until(lambda: "FAIL, released" in texts(operator))
     operator.until_no_job()
-    assert "Released by B0001, B0002" in operator.says()
+    operator.until(lambda: "Released by B0001, B0002" in operator.says())
     assert "label scratched" in operator.says()
     assert "PASS" not in texts(operator)
     assert not operator.widget("history_release_button", QPushButton).isVisible()

@@ -145,7 +145,7 @@ def test_laboratory_and_its_lists_are_entered_saved_and_removed_again(forms: Lis
     assert instrument["kind"] == "table"
     assert (str(instrument["calibrated"]), str(instrument["due"])) == ("2026-03-02", "2036-03-02")
     assert comments(before) == comments(stored("line_4"))
-    assert versions.list_versions("stations", "line_4")[0].author == forms.page.drafts.author
+    assert versions.list_versions("stations", "line_4")[0].author == forms.page.drafts.author.by
     saved = select_audit(read_audit(audit_path(library.site_folder())).entries, "file_saved")
     assert saved[-1].values["name"] == "line_4"
     forms.press("instruments_remove_button")

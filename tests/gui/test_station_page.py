@@ -174,7 +174,7 @@ def test_saving_creates_a_version_and_keeps_comments(page_driver: PageDriver, si
     assert saved(site_folder.station)["site"]["latitude_deg"] == 39.9
     assert site_folder.station.read_text(encoding="utf-8").startswith("# our line\n")
     latest = versions.list_versions("stations", "test")[0]
-    assert latest.author == page_driver.page.drafts.author
+    assert latest.author == page_driver.page.drafts.author.by
     assert notified
     assert page_driver.find(QLabel, "unsaved_label").text() == "✓ Saved: test"
     page_driver.type("site_latitude_deg_edit", "39")
