@@ -208,7 +208,7 @@ class TemperatureResult(ResultSection):
         for k in used:
             column, size, uncertainty = fit.model.columns[k], float(fit.coefficients[k]), float(sigma[k])
             unit = PARAMETERS[column.parameter].unit
-            row = rows.setdefault(NAMES[column.parameter], Coefficients(values=[], sigma=[], unit=unit))
+            row = rows.setdefault(NAMES[column.parameter], Coefficients(values=[], sigma=[], rate=None, unit=unit))
             if column.power is None:
                 rate = RateCoefficient(value=size, sigma=uncertainty)
                 rows[NAMES[column.parameter]] = row.model_copy(update={"rate": rate})

@@ -23,6 +23,14 @@ def test_parameters_are_those_at_the_reference_in_their_own_units(result: Result
         assert (value, sigma) == (row.value, pytest.approx(row.sigma, rel=1e-9))
 
 
+def test_coefficients_state_their_rate_term_even_if_there_is_none() -> None:
+    section = thermal_result().to_json()["temperature"]
+    keys = {"values", "sigma", "rate", "unit"}
+    assert all(row.keys() == keys for row in section["coefficients"].values())
+    assert section["coefficients"]["gyro_bias_x"]["rate"].keys() == {"value", "sigma"}
+    assert section["coefficients"]["accel_bias_x"]["rate"] is None
+
+
 def test_curve_is_that_of_the_fit(result: Result) -> None:
     _, solution = thermal_solution(thermal_meta())
     for name in ("gyro_bias_x", "accel_scale_z"):
