@@ -50,7 +50,7 @@ class FormDriver(PageDriver):
     def index(self, row: str, column: str) -> QModelIndex:
         """Return the cell in the row and column with these headings."""
         model, (across, down) = self.table.model(), (Qt.Orientation.Horizontal, Qt.Orientation.Vertical)
-        rows = [model.headerData(i, down) for i in range(model.rowCount())]
+        rows = [model.headerData(i, down, Qt.ItemDataRole.AccessibleTextRole) for i in range(model.rowCount())]
         columns = [model.headerData(i, across) for i in range(model.columnCount())]
         return model.index(rows.index(row), columns.index(column))
 

@@ -7,7 +7,7 @@ import pytest
 from pyqtgraph.graphicsItems.DateAxisItem import MONTH_SPACING
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QGuiApplication
-from PySide6.QtWidgets import QApplication, QComboBox
+from PySide6.QtWidgets import QApplication, QComboBox, QStyleOptionHeader
 from pytestqt.qtbot import QtBot
 
 from calstation.config import library, load_product
@@ -22,7 +22,7 @@ from tests.gui.conftest import Operator
 
 
 @pytest.mark.parametrize(("code", "name"), [("en", "gyro bias x"), ("zh_CN", "陀螺零偏 x")])
-def test_table_shows_translated_names_and_copies_identifiers_and_hyphens(
+def test_table_shows_translated_names_and_gives_programs_and_files_identifiers(
     qapp: QApplication, qtbot: QtBot, code: str, name: str
 ) -> None:
     language.use(code)
@@ -31,7 +31,11 @@ def test_table_shows_translated_names_and_copies_identifiers_and_hyphens(
     qtbot.addWidget(table)
     model.show(model.columns, ["gyro_bias_x"])
     vertical = Qt.Orientation.Vertical
-    assert model.headerData(0, vertical) == name
+    assert model.headerData(0, vertical, Qt.ItemDataRole.AccessibleTextRole) == name
+    option = QStyleOptionHeader()
+    table.verticalHeader().initStyleOptionForIndex(option, 0)
+    assert option.text == name
+    assert model.headerData(0, vertical) == "gyro_bias_x"  # the contract's name, for programs that drive the window
     assert model.headerData(0, vertical, Qt.ItemDataRole.ToolTipRole) == "gyro_bias_x"
     assert model.index(0, 0).data() == "−1.5"
     assert model.index(0, 1).data() == "gyro_bias_x"

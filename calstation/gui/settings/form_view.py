@@ -134,8 +134,10 @@ class FormModel(ParameterModel):
 
     def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         """Return the name of a row, or the heading of a column with its explanation."""
-        if orientation == Qt.Orientation.Vertical and role == Qt.ItemDataRole.DisplayRole:
-            return self._title(self.rows[section].name)
+        if orientation == Qt.Orientation.Vertical:
+            is_file_name = role == Qt.ItemDataRole.DisplayRole and self.form.names == "parameter"
+            if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.AccessibleTextRole) and not is_file_name:
+                return self._title(self.rows[section].name)
         if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.ToolTipRole:
             return self._about(self._form_columns[section])
         return super().headerData(section, orientation, role)

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, QRect, Qt
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, QRect, QSize, Qt
 from PySide6.QtGui import (
     QColor,
     QContextMenuEvent,
+    QFontMetrics,
     QGuiApplication,
     QKeyEvent,
     QKeySequence,
@@ -16,7 +17,7 @@ from PySide6.QtGui import (
     QResizeEvent,
     QShowEvent,
 )
-from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QMenu, QTableView, QWidget
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QMenu, QStyleOptionHeader, QTableView, QWidget
 
 from calstation.escaping import for_csv
 from calstation.gui.text import Words, about, bind, parameter_text, say, with_minus, without_minus
@@ -69,9 +70,10 @@ def align_columns(cells: Mapping[str, dict[str, str]], columns: Iterable[str]) -
 
 
 class ParameterModel(QAbstractTableModel):
-    """A table model with parameters as rows and their names as the vertical header.
+    """A table model with parameters as rows and their names, as in files, as the vertical header.
 
-    The tooltip of a name is the name used in files. If `grouped`, every second group of parameters is shaded.
+    The accessible text of a name is its display name, which `NameHeader` draws. If `grouped`, every second group of
+    parameters is shaded.
     """
 
     def __init__(self, columns: Sequence[Column], *, grouped: bool = True) -> None:
@@ -142,9 +144,9 @@ class ParameterModel(QAbstractTableModel):
             name = self._names[section]
             if role == Qt.ItemDataRole.BackgroundRole:
                 return QColor(theme.colours().window) if self._shaded[section] else None
-            if role == Qt.ItemDataRole.ToolTipRole:
-                return name
-            return parameter_text(name) if role == Qt.ItemDataRole.DisplayRole else None
+            if role == Qt.ItemDataRole.AccessibleTextRole:
+                return parameter_text(name)
+            return name if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.ToolTipRole) else None
         heading = self.columns[section].heading
         if role == Qt.ItemDataRole.DisplayRole:
             return say(heading)
@@ -155,7 +157,7 @@ class ParameterModel(QAbstractTableModel):
 
 
 class NameHeader(QHeaderView):
-    """The names of the rows, shaded like their rows, which a style sheet cannot do."""
+    """The display names of the rows, shaded like their rows, which a style sheet cannot do."""
 
     def __init__(self, parent: QWidget) -> None:
         super().__init__(Qt.Orientation.Vertical, parent)
@@ -173,10 +175,24 @@ class NameHeader(QHeaderView):
         painter.setFont(theme.font(bold=self.selectionModel().rowIntersectsSelection(logicalIndex)))
         painter.setPen(QColor(theme.colours().text))
         inside = rect.adjusted(theme.GRID, 0, -theme.GRID, 0)
-        text = str(self.model().headerData(logicalIndex, Qt.Orientation.Vertical))
-        text = painter.fontMetrics().elidedText(text, Qt.TextElideMode.ElideRight, inside.width())
+        text = painter.fontMetrics().elidedText(self._text(logicalIndex), Qt.TextElideMode.ElideRight, inside.width())
         painter.drawText(inside, self.defaultAlignment(), text)
         painter.restore()
+
+    def initStyleOptionForIndex(self, option: QStyleOptionHeader, logicalIndex: int) -> None:
+        """Set the display name as the text of a row that is not shaded."""
+        super().initStyleOptionForIndex(option, logicalIndex)
+        option.text = self._text(logicalIndex)
+
+    def sectionSizeFromContents(self, logicalIndex: int) -> QSize:
+        """Return the size for the display name instead of the name in files."""
+        size, metrics = super().sectionSizeFromContents(logicalIndex), QFontMetrics(theme.font(bold=True))
+        name = str(self.model().headerData(logicalIndex, Qt.Orientation.Vertical))
+        longer = metrics.horizontalAdvance(self._text(logicalIndex)) - metrics.horizontalAdvance(name)
+        return QSize(size.width() + longer, size.height())
+
+    def _text(self, row: int) -> str:
+        return str(self.model().headerData(row, Qt.Orientation.Vertical, Qt.ItemDataRole.AccessibleTextRole))
 
 
 class ParameterTable(QTableView):
