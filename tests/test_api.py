@@ -1,7 +1,9 @@
 """The Python interface: `import calstation` is cheap, and its functions do what the commands do."""
 
 import _thread
+import inspect
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -34,6 +36,31 @@ def path(tmp_path: Path) -> Path:
 
 def test_import_loads_nothing_else() -> None:
     subprocess.run([sys.executable, "-c", CHEAP], check=True, timeout=60)
+
+
+def test_functions_take_the_arguments_that_the_contract_names() -> None:
+    contract = (Path(__file__).parents[1] / "docs" / "contract.md").read_text(encoding="utf-8")
+    python = contract.partition("## Python")[2].partition("## ")[0]
+    calls = re.findall(r"cs\.(\w+)\((.*?)\)(?=  | ->|$)", python, re.MULTILINE)
+    assert {name for name, _ in calls} == {"open", "resolve", "apply", "export", "run", "design", "simulate"}
+    for name, arguments in calls:
+        given = [argument.partition("=") for argument in arguments.split(", ")]
+        by_name = {argument: None for argument, equals, _ in given if equals}
+        inspect.signature(getattr(cs, name)).bind(*(None for _, equals, _ in given if not equals), **by_name)
+
+
+def test_result_has_the_entries_that_the_contract_names(path: Path) -> None:
+    entries = cs.resolve(path).to_json()
+    names = "schema unit stages passed parameters checks consistency outcome attempt operator station product partial"
+    names += " configuration_sha256 temperature_c registers log software started_utc duration_s unobservable"
+    assert set(names.split()) <= entries.keys()
+    assert entries["schema"] == "calstation.result/1"
+    assert entries["parameters"]["accel_bias_x"].keys() == {"value", "sigma", "unit", "stage"}
+    assert entries["log"].keys() == {"file", "sha256", "first_seq", "last_seq", "gaps"}
+    assert all({"name", "value", "limit", "unit", "passed"} <= check.keys() for check in entries["checks"])
+    (consistency,) = entries["consistency"].values()
+    assert consistency.keys() == {"nis_mean", "nis_low", "nis_high", "passed", "warning"}
+    assert (entries["passed"], entries["outcome"]) == (None, "resolved")
 
 
 def test_unknown_name_is_refused() -> None:
