@@ -12,7 +12,7 @@ run: $(VENV)/installed
 
 test: $(VENV)/installed-dev
 	tests=$$($(VENV)/bin/python tests/without_window.py) && $(VENV)/bin/python tests/compiled.py $$tests && \
-		$(VENV)/bin/python -m pytest -n 3 --dist worksteal $$tests
+		$(VENV)/bin/python -m pytest -n 4 --dist worksteal $$tests
 
 rehearse: $(VENV)/installed-dev
 	$(VENV)/bin/python -m pytest -m "long and not exhaustive" -n 4 --dist worksteal

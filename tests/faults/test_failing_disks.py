@@ -21,7 +21,7 @@ def ran(name: str, *arguments: object) -> str:
     return done.stdout
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_log_ends_with_an_error_whichever_write_fails(tmp_path: Path) -> None:
     assert ran("failing_log", tmp_path).splitlines()[-1].endswith("calls, 0 failures")
 

@@ -147,7 +147,7 @@ def test_columns_include_solutions_whose_numbers_appear_late(url: str) -> None:
     assert again.logs == 4
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_many_small_column_files_are_merged(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     connect(url).dispose()

@@ -161,6 +161,7 @@ def test_interrupted_job_solves_only_remaining_logs_after_a_restart(
     assert sorted(stored(url)) == [(str(log), "resolved") for log in sorted(logs)]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("url", ["postgresql"], indirect=True)
 def test_a_cluster_solves_the_logs(made: Callable[[int], list[Path]], url: str, tmp_path: Path) -> None:
