@@ -176,7 +176,7 @@ class FormCell:
         if isinstance(present, float | int):
             ends = [-present, present]
         ends[self.end] = "" if value is None else value
-        return {self.key_path: None if set(ends[:2]) == {""} else ends[:2]}
+        return {self.key_path: None if ends[:2] == ["", ""] else ends[:2]}
 
     def in_display_unit(self, problem: Problem) -> Problem:
         """Convert the numbers in a problem of the value to the display unit."""

@@ -117,6 +117,7 @@ WITHIN: KeyPath = ("limits", "x", "within")
         (None, 1, "3", {WITHIN: 3}),
         (None, 0, "-3", {WITHIN: [-3, ""]}),
         ([1.0], 1, "3", {WITHIN: [1.0, 3]}),
+        ([{}], 1, "3", {WITHIN: [{}, 3]}),
     ],
 )
 def test_interval_ends_are_edited_separately(within: Any, end: int, typed: str, changes: Mapping[KeyPath, Any]) -> None:
