@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -176,7 +177,7 @@ class RunStart:
         return Question("resume", question, ("resume", "anew"), refusal)
 
     def _ask_attempts(self) -> Question | None:
-        used_up = self._attempts_used()
+        used_up = self._attempts_used
         if not used_up or self.request.beyond_attempts:
             return None
         serials = [refusal.values["serial"] for refusal in used_up]
@@ -185,12 +186,13 @@ class RunStart:
         text = self._text("allow_attempt" if engineer else "set_aside", values)
         return Question("attempts", text, ("beyond",) if engineer else (), used_up[0])
 
+    @cached_property
     def _attempts_used(self) -> list[ConfigurationError]:
-        """Return the refusals of the units whose attempts are used up."""
+        """The refusals of the units whose attempts are used up; a start with many units would ask for them twice."""
         return [refusal for s in self._setups if (refusal := attempts_used(s, self._history)) is not None]
 
     def _ask_passed(self) -> Question | None:
-        failed = {refusal.values["serial"] for refusal in self._attempts_used()}
+        failed = {refusal.values["serial"] for refusal in self._attempts_used}
         units = [s.request.serial for s in self._setups if s.check_standard is None]
         passed = [run for serial in units if serial not in failed and (run := self._history.passed_before(serial))]
         if not passed:
@@ -231,9 +233,11 @@ class RunStart:
 
 def attempts_used(setup: RunConfiguration, history: History) -> ConfigurationError | None:
     """Return the error if the attempts of a unit are used up, otherwise None; check standards have no limit."""
-    serial, product = setup.request.serial, setup.product
-    failures, allowed = history.failures(serial, product.name), product.attempts_allowed
-    if allowed is None or failures < allowed or setup.check_standard is not None:
+    serial, product, allowed = setup.request.serial, setup.product, setup.product.attempts_allowed
+    if allowed is None or setup.check_standard is not None:
+        return None
+    failures = history.failures(serial, product.name)
+    if failures < allowed:
         return None
     return ConfigurationError(
         "run.attempts_used", serial=serial, failures=failures, allowed=allowed, product=product.name
