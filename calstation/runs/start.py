@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -72,15 +71,15 @@ class RunStart:
         self._answered: set[Subject] = set()
         self._interrupted: Interrupted | None = None
         self._set_request(_complete_request(request, self._history))
+        if request.unfinished is not None:  # the questions were asked before the transfer was interrupted
+            self._answered |= {"transfer", "resume", "passed"}
 
     def _set_request(self, request: RunRequest) -> None:
         resumed = tuple(continuation.request for continuation in Continuation.of_all(request))
         adjust = station_hooks(load_station(request.station)[1]).adjust
         self.request, self._setups = request, prepare_units(resumed or unit_requests(request), adjust)
-        if resumed or request.unfinished is not None:  # the questions were asked before the interruption
+        if resumed:  # the questions were asked before the interruption
             self._answered |= {"resume", "passed"}
-        if request.unfinished is not None:
-            self._answered.add("transfer")
 
     def next_question(self) -> Question | None:
         """Return the first open question, or None if the run may start. Raises ConfigurationError."""
@@ -177,7 +176,7 @@ class RunStart:
         return Question("resume", question, ("resume", "anew"), refusal)
 
     def _ask_attempts(self) -> Question | None:
-        used_up = self._attempts_used
+        used_up = self._attempts_used()
         if not used_up or self.request.beyond_attempts:
             return None
         serials = [refusal.values["serial"] for refusal in used_up]
@@ -186,13 +185,13 @@ class RunStart:
         text = self._text("allow_attempt" if engineer else "set_aside", values)
         return Question("attempts", text, ("beyond",) if engineer else (), used_up[0])
 
-    @cached_property
     def _attempts_used(self) -> list[ConfigurationError]:
-        """The refusals of the units whose attempts are used up; a start with many units would ask for them twice."""
+        """Return the refusals of the units whose attempts are used up."""
         return [refusal for s in self._setups if (refusal := attempts_used(s, self._history)) is not None]
 
     def _ask_passed(self) -> Question | None:
-        failed = {refusal.values["serial"] for refusal in self._attempts_used}
+        used_up = self._attempts_used() if self.request.beyond_attempts else []  # without it, none is used up here
+        failed = {refusal.values["serial"] for refusal in used_up}
         units = [s.request.serial for s in self._setups if s.check_standard is None]
         passed = [run for serial in units if serial not in failed and (run := self._history.passed_before(serial))]
         if not passed:

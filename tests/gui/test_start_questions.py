@@ -17,7 +17,7 @@ from calstation.devices.imu import Step
 from calstation.gui.state.engine_link import EngineLink
 from calstation.registers import Purpose, journal
 from calstation.results import History
-from calstation.runs import finish_incomplete
+from calstation.runs import RunStart, finish_incomplete
 from tests.database.result_files import write_result
 from tests.dead_logs import write_dead_log
 from tests.gui.conftest import SERIAL, Operator
@@ -309,6 +309,21 @@ def test_unverified_registers_are_asked_about_at_the_scan(
     operator.press("finish_choice")
     (request,) = started
     assert (request.serial, request.unfinished) == (SERIAL, "finish")
+
+
+def test_other_questions_follow_the_one_about_unverified_registers(site_folder: SiteFolder) -> None:
+    site_folder.runs.mkdir(exist_ok=True)
+    passed(site_folder)
+    unverified(site_folder)
+    History(site_folder.runs).refresh()
+    start = RunStart(RunRequest(SERIAL, site_folder.station, site_folder.product, out=site_folder.runs), "operator")
+    question = start.next_question()
+    assert question is not None
+    assert question.subject == "transfer"
+    start.answer(question, "finish")
+    following = start.next_question()
+    assert following is not None
+    assert (following.subject, start.request.unfinished) == ("passed", "finish")
 
 
 def test_unverified_registers_of_several_units_are_asked_about_together(
