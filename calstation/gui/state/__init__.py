@@ -8,10 +8,9 @@ from calstation.gui.state.context import AppContext
 from calstation.gui.state.event_log import EventLog
 from calstation.gui.state.page import FileExport, JobView, Page
 from calstation.gui.state.people_panel import PeoplePanel, ReleaseBar
-from calstation.gui.state.reset_bar import ResetBar
+from calstation.gui.state.reset_bar import ResetBar, TableNotice
 from calstation.gui.state.role import RolePanel
 from calstation.gui.state.run_status import RunStatus
 from calstation.gui.state.run_strip import EndStageButton, ExchangeLabel, PauseButton, RunStrip, run_badge, run_title
 from calstation.gui.state.slots import EarlierRuns, Slot, Slots
-from calstation.gui.state.table_notice import TableNotice
 from calstation.gui.state.unit_status import TRANSFER, StageState, UnitStatus, largest_sigmas, stage_rows

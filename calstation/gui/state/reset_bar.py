@@ -1,15 +1,16 @@
-"""The button that resets a latched fault of the table, and the text that shows the result."""
+"""The button that resets a latched fault of the table, and the notice that the table may still move until then."""
 
 from collections.abc import Callable
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
+from calstation.config import load_station
 from calstation.connection import LinkTestRequest, TableReset, reset_table
 from calstation.errors import CalstationError
 from calstation.gui.state.context import AppContext
 from calstation.gui.text import on_language_change, say, term
-from calstation.gui.widgets import StateIcon, button, column, enable, label, row, show_text
+from calstation.gui.widgets import NoticeBar, StateIcon, button, column, enable, label, row, show_text, theme
 
 
 class ResetBar(QWidget):
@@ -102,3 +103,27 @@ class ResetBar(QWidget):
             left=term("latched", result.left or ""),
             words=result.words,
         )
+
+
+class TableNotice(QWidget):
+    """Says on every page that the table may still move, until its fault has been reset; `prefix` is of its names."""
+
+    def __init__(self, app: AppContext, prefix: str, parent: QWidget) -> None:
+        super().__init__(parent)  # without it, the notice would be shown as a window
+        self._app = app
+        self._notice = NoticeBar(f"{prefix}table_notice")
+        self.reset = ResetBar(app, self._request, f"{prefix}table_reset_button")
+        theme.set_kind(self.reset.button, "primary")
+        column(self._notice, self.reset, on=self, spacing=theme.GRID, margins=(2 * theme.GRID, 0, 2 * theme.GRID, 0))
+        self._notice.ask("bad", "operator.table_unsafe", "operator.table_unsafe_do")
+        app.run.stop_incomplete_changed.connect(self._show)
+        self._show(app.run.stop_incomplete)
+
+    def _show(self, incomplete: bool) -> None:
+        self.reset.clear()
+        self.reset.offer(incomplete)
+        self.setVisible(incomplete)
+
+    def _request(self) -> LinkTestRequest:
+        """Return the request for the table of the station. Raises ConfigurationError if its file cannot be read."""
+        return LinkTestRequest(load_station(self._app.station_path)[1], self._app.product_path)
