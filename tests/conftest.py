@@ -43,6 +43,9 @@ REAL_TIME = (
     "runs/test_pipe_reader.py",
 )
 
+#: Number of new objects after which a test of the window is followed by a collection of garbage.
+_MAX_GARBAGE = 20_000
+
 
 @pytest.hookimpl(tryfirst=True)  # before tests are chosen by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -57,6 +60,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish() -> None:
     """Exclude the modules and tests, which remain until the end, from garbage collection."""
     gc.freeze()
+
+
+def pytest_runtest_teardown() -> None:
+    """Collect garbage after tests of the window, which let other threads collect none."""
+    if not gc.isenabled() and gc.get_count()[0] > _MAX_GARBAGE:
+        gc.collect()
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QApplication
 
 from calstation.database import ExchangeProcess, start_exchange
 from calstation.errors import CalstationError
+from calstation.gui.shell.garbage import collect_in_this_thread
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.state import AppContext
 from calstation.gui.text import language
@@ -70,6 +71,7 @@ def create_window(station: Path | None = None) -> MainWindow:
     """Create the main window, and the QApplication if there is none; by default for the last station."""
     app = cast("QApplication", QApplication.instance() or QApplication(sys.argv[:1]))
     app.setApplicationName("calstation")
+    collect_in_this_thread(app)
     if not app.styleSheet():  # setting the style again would slowly polish every widget
         app.setStyle("Fusion")
     app.setFont(theme.font())
