@@ -61,6 +61,15 @@ def check_choice(option: str, value: str | None, choices: tuple[str, ...]) -> No
         raise ConfigurationError("cli.unknown_choice", option=option, value=value, choices=choices)
 
 
+def refuse_options_before(context: typer.Context) -> None:
+    """Raise ConfigurationError if options were given before a command of a group, which has its own options."""
+    for each in context.command.params:
+        source = context.get_parameter_source(each.name or "")
+        if source is not None and source.name == "COMMANDLINE":
+            name = context.invoked_subcommand
+            raise ConfigurationError("cli.option_before", option=each.opts[0], name=name, program=context.command_path)
+
+
 def parsed_stages(text: str | None) -> tuple[str, ...] | None:
     """Return the stages of an option's comma-separated list, None without the option. Raises ConfigurationError."""
     if text is None:

@@ -99,6 +99,8 @@ def test_folder_without_judged_runs_is_reported(calstation: Run, tmp_path: Path)
         (("--parameter", "gyro_bias"), "--parameter 'gyro_bias' is unknown"),
         (("--since", "yesterday"), "--since yesterday: must be a date such as 2026-11-23."),
         (("gauge", "none.json"), "none.json"),
+        (("--product", "mems_c", "standards"), "--product stands before 'standards' and would be ignored. Write it"),
+        (("--out", "nowhere", "gauge", "p.json"), "calstation quality gauge --out …"),
         (
             ("gauge", "p.json", "--plan", "--units", "A,B", "--operators", "x,y"),
             "The plan names no product",

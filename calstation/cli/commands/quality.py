@@ -19,6 +19,7 @@ from calstation.cli.options import (
     check_choice,
     command_group,
     existing_folder,
+    refuse_options_before,
 )
 from calstation.cli.show import (
     emit,
@@ -86,9 +87,10 @@ def quality(
     """Show yield, control charts and capability of the runs of a folder.
 
     `since` is a local time without a time zone. If `relative`, the charts show deviations in standard deviations, see
-    `calstation.quality.summarise_quality`.
+    `calstation.quality.summarise_quality`. Raises ConfigurationError for an option before a command of the group.
     """
     if context.invoked_subcommand is not None:
+        refuse_options_before(context)
         return
     existing_folder(out)
     _check_parameter(parameter, COMMON_SCALE)
