@@ -14,7 +14,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.escaping import for_zpl
 from calstation.jobs import ProgressCallback
 from calstation.messages import local_time, os_reason
-from calstation.records import Verdict, issued_reports, write_atomic
+from calstation.records import IssuedReport, Verdict, issued_reports, write_atomic
 from calstation.reports.content import certificate_number
 from calstation.reports.pdf import compile_template
 from calstation.results import History, Result, load_run_result
@@ -78,11 +78,12 @@ def print_labels(report: ProgressCallback, result_files: Sequence[Path], station
 def label_fields(result: Result, folder: Path | None = None) -> dict[str, str]:
     """Return the texts for the fields of a template; ``code`` is the content of the two-dimensional code.
 
-    ``certificate`` is empty unless a certificate of the run is recorded in `folder`, the folder of the runs.
+    ``certificate`` is the last revision that is recorded in `folder`, the folder of the runs, or empty.
     """
-    run, issued = certificate_number(result), False
-    with suppress(InputError):  # a damaged record confirms no certificate
-        issued = folder is not None and bool(issued_reports(folder, (), run))
+    run, issued = certificate_number(result), list[IssuedReport]()
+    if folder is not None:
+        with suppress(InputError):  # a damaged record confirms no certificate
+            issued = issued_reports(folder, (), run)
     date, _, time = local_time(result.started_utc or "").partition(" ")
     return {
         "serial": result.serial,
@@ -95,7 +96,7 @@ def label_fields(result: Result, folder: Path | None = None) -> dict[str, str]:
         "attempt": str(result.attempt),
         "software": result.software.version if result.software is not None else "",
         "run": run,
-        "certificate": run if issued else "",
+        "certificate": issued[-1].identification if issued else "",
         "code": f"{result.serial} {run}",
     }
 

@@ -223,6 +223,8 @@ def test_label_states_only_an_issued_certificate(site: Path) -> None:
     fields = label_fields(load_result(result_file), result_file.parent)
     assert fields["certificate"] == "SN-000042_1"
     assert fields["code"] == CODE
+    issue_in_records(site, site / "runs", "SN-000042_1", revision=1)
+    assert label_fields(load_result(result_file), result_file.parent)["certificate"] == "SN-000042_1-R1"
 
 
 def test_no_label_is_printed_for_an_edited_result_or_without_its_log(site: Path) -> None:
