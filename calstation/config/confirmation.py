@@ -56,7 +56,7 @@ def confirm(
 ) -> Confirmation:
     """Check the identity of the acting person, and of the second person if the product requires one.
 
-    The caller appends the action to the audit trail, with the returned names, before executing it.
+    The caller appends the action to the audit trail, with the returned persons, before executing it.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def confirm(
     if is_typed and not engineers and sign_in is not None and not sign_in.knows(first.badge):
         raise ConfigurationError("confirmation.not_a_badge", badge=first.badge)
     if not needed.pin and second is None and not first.pin:
-        return Confirmation(first.badge)
+        return Confirmation(station.person(first.badge))
     if (needed.second or second is not None) and not engineers:  # the site's single PIN does not identify two people
         raise ConfigurationError("confirmation.no_engineers", station=station.name, product=product.name)
     if needed.second and second is None:
@@ -89,7 +89,8 @@ def confirm(
         raise ConfigurationError("confirmation.same_person", badge=first.badge)
     for person in filter(None, (first, second)):
         _identify(person, engineers)
-    return Confirmation(first.badge, None if second is None else second.badge, "personal" if engineers else "site")
+    by, confirmed_by = station.person(first.badge), None if second is None else station.person(second.badge)
+    return Confirmation(by, confirmed_by, "personal" if engineers else "site")
 
 
 def confirm_at_site(person: Person) -> Confirmation:

@@ -18,7 +18,7 @@ def plain_text(entered: str) -> str:
 
 @dataclass(frozen=True)
 class Confirmation:
-    """The badges of the acting and the confirming person for the audit trail."""
+    """The acting and the confirming person for the audit trail, by name and badge as far as the station knows them."""
 
     by: str  #: Acting person; "" for the program.
     confirmed_by: str | None = None

@@ -117,6 +117,10 @@ class StationConfig(StrictModel):
                 raise EntryError("station.due_before_calibration", number, "due", due=due, calibrated=calibrated)
         return instruments
 
+    def person(self, badge: str) -> str:
+        """Return how records name the person with a badge; see `SignInSection.person`."""
+        return badge if self.sign_in is None else self.sign_in.person(badge)
+
     @property
     def slot_names(self) -> tuple[str, ...]:
         """Names of the slots, in order; () at a station with one unit."""

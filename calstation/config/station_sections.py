@@ -140,6 +140,11 @@ class SignInSection(StrictModel):
             raise ConfigurationError("station.badge_unknown", badge=badge)
         return self.names.get(badge, badge)
 
+    def person(self, badge: str) -> str:
+        """Return how records name the person with a badge: by name and badge, or as entered if the name is unknown."""
+        name = self.names.get(badge, badge)
+        return badge if name == badge else f"{name} ({badge})"
+
 
 class SigningSection(StrictModel):
     """`[report.signing]` of a station: the site's certificate for signatures."""

@@ -4,13 +4,15 @@ import json
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
 from calstation.config import library
 from calstation.config.confirmation import Person, confirm_at_site
 from calstation.config.request import plain_text
-from calstation.errors import ConfigurationError
+from calstation.config.station import load_station
+from calstation.errors import CalstationError, ConfigurationError
 from calstation.escaping import for_csv
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, os_reason
@@ -22,6 +24,7 @@ from calstation.records import (
     damage_text,
     public_key,
     read_audit,
+    recorded_people,
     restart_trail,
     select_audit,
     verify_trail,
@@ -51,6 +54,12 @@ class SiteTrail:
     faults: tuple[Text, ...] = ()  #: Those of `state` that contradict the trail or a file.
     cautions: tuple[Text, ...] = ()  #: Those of `state` that say what could not be verified.
     changed: tuple[tuple[int, str], ...] = ()  #: Number and text of the lines of a damaged trail that are no events.
+    known: tuple[str, ...] = ()  #: Persons with a badge at the stations, by name and badge.
+
+    @cached_property
+    def people(self) -> dict[str, str]:
+        """One spelling for each person, by all spellings; see `calstation.records.recorded_people`."""
+        return recorded_people(self.trail.entries, self.known)
 
     @property
     def intact(self) -> bool:
@@ -65,7 +74,7 @@ class SiteTrail:
     def select(self, event: str | None = None, person: str | None = None, since: str = "") -> list[TrailLine]:
         """Return the lines of the events that `select_audit` selects, and all changed lines, the oldest first."""
         trail, lines = self.trail, [TrailLine(number, "changed", None, text) for number, text in self.changed]
-        chosen = {id(each) for each in select_audit(trail.entries, event, person, since)}
+        chosen = {id(each) for each in select_audit(trail.entries, event, person, since, self.people)}
         damaged = len(trail.digests) + 1 if trail.damage is None else trail.damage.number
         for number, each in zip(trail.numbers, trail.entries, strict=True):
             if id(each) in chosen:
@@ -84,7 +93,16 @@ def read_site_trail(report: ProgressCallback) -> SiteTrail:
     texts = cautions or _verification(audit_path(folder), state.trail, faults)
     if state.key_error is not None:
         texts = (*texts, state.key_error.as_text)
-    return SiteTrail(state.trail, texts, faults, cautions, _changed_lines(audit_path(folder), state.trail))
+    changed = _changed_lines(audit_path(folder), state.trail)
+    return SiteTrail(state.trail, texts, faults, cautions, changed, tuple(_known_people()))
+
+
+def _known_people() -> Iterator[str]:
+    """Yield the persons with a badge at the stations of the site, except at those whose file is damaged."""
+    for name in library.names("stations"):
+        with suppress(CalstationError):
+            sign_in = load_station(library.find("stations", name))[1].sign_in
+            yield from () if sign_in is None else map(sign_in.person, sign_in.names)
 
 
 def _without_trail(folder: Path, code: str, witnesses: Iterator[Path]) -> tuple[Text, ...]:

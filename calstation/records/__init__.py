@@ -17,6 +17,7 @@ from calstation.records.audit import (
     damage_text,
     public_key,
     read_audit,
+    recorded_people,
     restart_trail,
     select_audit,
     site_events,

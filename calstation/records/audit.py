@@ -6,7 +6,8 @@ new one, with a new key, that names the changed one.
 """
 
 import hashlib
-from collections.abc import Iterable, Iterator
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -56,6 +57,10 @@ _IDENTIFIED: tuple[AuditEventName, ...] = (
     *("file_saved", "registers", "override", "certificate", "certificate_printed"),
     *("standard_overridden", "attempt_allowed", "trail_restarted"),
 )
+
+
+#: A person by name and badge.
+_NAME_AND_BADGE = re.compile(r"(.+) \(([^()]+)\)")
 
 
 class AuditEvent(BaseModel):
@@ -277,15 +282,39 @@ def append_audit(
         return audit.append_event(event, by, why, confirmed_by=confirmed_by, **values)
 
 
+def recorded_people(entries: Iterable[AuditEvent], known: Iterable[str] = ()) -> dict[str, str]:
+    """Return one spelling for each person in events, by all spellings: name and badge, as in ``Li Na (B0001)``.
+
+    Events of earlier versions have only the badge or the name. `known` are further persons by name and badge. A name
+    that is common to several badges is kept as it is.
+    """
+    people = {person for each in entries for person in (each.by, each.confirmed_by) if person}
+    complete: dict[str, set[str]] = {}
+    for person in (*people, *known):
+        parts = _NAME_AND_BADGE.fullmatch(person)
+        for part in () if parts is None else parts.groups():
+            complete.setdefault(part, set()).add(person)
+    return {each: each for each in people} | {part: min(whole) for part, whole in complete.items() if len(whole) == 1}
+
+
 def select_audit(
-    entries: Iterable[AuditEvent], event: str | None = None, person: str | None = None, since: str = ""
+    entries: Iterable[AuditEvent],
+    event: str | None = None,
+    person: str | None = None,
+    since: str = "",
+    people: Mapping[str, str] | None = None,
 ) -> list[AuditEvent]:
-    """Return the events with a name, of a person who acted or confirmed, and since a time in ISO 8601 (UTC)."""
-    return [
-        each
-        for each in entries
-        if event in (None, each.event) and person in (None, each.by, each.confirmed_by) and each.utc >= since
-    ]
+    """Return the events with a name, of a person who acted or confirmed, and since a time in ISO 8601 (UTC).
+
+    `people` are the spellings of a person from `recorded_people`.
+    """
+    spelled = people or {}
+
+    def concerns(each: AuditEvent) -> bool:
+        acted = (spelled.get(name, name) for name in (each.by, each.confirmed_by) if name is not None)
+        return person is None or spelled.get(person, person) in acted
+
+    return [each for each in entries if event in (None, each.event) and concerns(each) and each.utc >= since]
 
 
 def restart_trail(folder: Path, by: str, why: str, pin: str | None) -> AuditEvent:

@@ -113,7 +113,7 @@ def run_operation(operation: RegisterOperation, emit: Emit, control: Control) ->
 
 def _audit(operation: RegisterOperation, setup: RunConfiguration) -> None:
     """Append the operation to the audit trail before it begins. Raises ConfigurationError if it is not confirmed."""
-    people = operation.people or Confirmation(operation.request.operator or "")
+    people = operation.people or Confirmation(setup.station.person(operation.request.operator or ""))
     if confirmation_required("registers", setup.product, setup.station).second and people.confirmed_by is None:
         raise ConfigurationError("confirmation.registers_required", product=setup.product.name)
     append_audit(

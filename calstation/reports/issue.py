@@ -168,7 +168,7 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
     if record is not None:
         _record(log, certificate, before, record, confirmation, _digests(written))
     elif unwritten:
-        by, number = "" if request.first is None else request.first.badge, certificate.identification
+        by, number = _issuer(_files(log.meta, request.source), request), certificate.identification
         append_audit(site_folder(), "certificate_printed", by, certificate=number, pin=None, files=_digests(unwritten))
     for path, content in unwritten.items():
         _write(path, content)
@@ -188,15 +188,20 @@ def _confirm_issue(meta: LogMeta, request: ReportRequest) -> tuple[Confirmation,
     """
     files = _files(meta, request.source)
     if files is None:
-        return Confirmation("" if request.first is None else request.first.badge), ()
+        return Confirmation(_issuer(files, request)), ()
     product, station = files
     action: Action = "certificate" if request.revise is None else "revision"
     if request.first is None and not confirmation_required(action, product, station).pin:
         return Confirmation(""), ()
     confirmation = confirm(action, product, station, request.first or Person(""), request.second)
-    names: Mapping[str, str] = {} if station.sign_in is None else station.sign_in.names
     people = (confirmation.by, confirmation.confirmed_by) if confirmation.pin == "personal" else ()
-    return confirmation, tuple(names.get(badge, badge) for badge in people if badge is not None)
+    return confirmation, tuple(filter(None, people))
+
+
+def _issuer(files: tuple[ProductConfig, StationConfig] | None, request: ReportRequest) -> str:
+    """Return the person who issues a certificate without a confirmation; "" for the program."""
+    badge = "" if request.first is None else request.first.badge
+    return badge if files is None else files[1].person(badge)
 
 
 def _files(meta: LogMeta, path: Path) -> tuple[ProductConfig, StationConfig] | None:

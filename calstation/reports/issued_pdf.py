@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from calstation.config import load_station, site_folder
+from calstation.config import StationConfig, load_station, site_folder
 from calstation.jobs import ProgressCallback
 from calstation.messages import Language, render
 from calstation.records import AuditEvent, IssuedReport, issued_reports, site_events
@@ -80,8 +80,7 @@ def issued_certificates(
     issued = issued_reports(log.absolute().parent, site_events(site_folder()), log.stem)
     languages: tuple[Language, ...] = (language, "zh_CN" if language == "en" else "en")
     pdfs = find_pdfs(folder, [each.identification for each in issued], languages)
-    names: Mapping[str, str] = {} if config.sign_in is None else config.sign_in.names
-    people = _issuers(names, language)
+    people = _issuers(config, language)
     return [
         IssuedCertificate(
             each,
@@ -93,11 +92,11 @@ def issued_certificates(
     ]
 
 
-def _issuers(names: Mapping[str, str], language: Language) -> dict[tuple[object, object], tuple[str, ...]]:
-    """Return who issued the certificates of the site by number and digest; `names` are those of the badges."""
+def _issuers(station: StationConfig, language: Language) -> dict[tuple[object, object], tuple[str, ...]]:
+    """Return who issued the certificates of the site by number and digest; older events have badges without names."""
 
     def shown(event: AuditEvent, badge: str) -> str:
-        name = names.get(badge, badge)
+        name = station.person(badge)
         return render("common.unproven", {"name": name}, language).sentences if event.unproven else name
 
     return {

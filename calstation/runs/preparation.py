@@ -251,10 +251,8 @@ def _check_permitted(setup: RunConfiguration, history: History) -> RunConfigurat
         raise refusal
     setup = _check_standards(setup, history)
     if refusal is not None:
-        station = setup.station.name
-        append_audit(
-            site_folder(), "attempt_allowed", request.operator or "", station=station, pin=None, **refusal.values
-        )
+        by, station = setup.station.person(request.operator or ""), setup.station.name
+        append_audit(site_folder(), "attempt_allowed", by, station=station, pin=None, **refusal.values)
     return setup
 
 
@@ -267,7 +265,7 @@ def _check_standards(setup: RunConfiguration, history: History) -> RunConfigurat
     problems, request = require_standards(setup, history, datetime.now(UTC)), setup.request
     if not problems:
         return replace(setup, request=replace(request, override_standard=None))
-    confirmation = request.overridden_by or Confirmation(request.operator or "")
+    confirmation = request.overridden_by or Confirmation(setup.station.person(request.operator or ""))
     if request.overridden_by is None and can_confirm_identity(setup.station):
         raise ConfigurationError("confirmation.standard_required", station=setup.station.name)
     if confirmation_required("override", setup.product, setup.station).second and confirmation.confirmed_by is None:

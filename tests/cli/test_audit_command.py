@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+import tomli_w
 
 from calstation.config import access, library, versions
 from calstation.records import AUDIT_EVENTS, append_audit, audit_path
@@ -13,6 +14,7 @@ from tests.dead_logs import write_dead_log
 from tests.helpers import write_log_of
 from tests.issued_records import issue_in_records, remove_trail
 from tests.results.test_history import write
+from tests.site_folder import BENCH, STATION
 
 SHIPPED = (library.shipped_folder() / "products" / "nav_a.toml").read_text("utf-8")
 
@@ -45,6 +47,25 @@ def test_events_are_filtered_by_engineer_type_and_date(calstation, home: Path) -
     assert len(calstation("audit", "--event", "certificate", "--json", "-").json["events"]) == 1
     assert not calstation("audit", "--since", "2100-01-01", "--json", "-").json["events"]
     assert calstation("audit", "--since", "soon").code == 2
+
+
+@pytest.mark.parametrize("recorded", [("B0001", "Li Na"), ("B0001", "Li Na", "Li Na (B0001)")])
+def test_one_person_is_found_by_badge_and_name(calstation, home: Path, recorded: tuple[str, ...]) -> None:
+    """Earlier versions recorded either of them; the station, or a later event, connects them."""
+    names = {"B0001": "Li Na", "B0002": "Wang Wei"}
+    if len(recorded) == 2:
+        station = {**STATION, "bench": BENCH, "sign_in": {"badge_pattern": r"B\d{4}", "names": names}}
+        (home / "stations").mkdir()
+        (home / "stations" / "line.toml").write_text(tomli_w.dumps(station), encoding="utf-8")
+        (home / "stations" / "damaged.toml").write_text("name =", encoding="utf-8")
+    for by in (*recorded, "Wang Wei (B0002)"):
+        append_audit(home, "file_saved", by)
+    for person in ("B0001", "Li Na", "Li Na (B0001)"):
+        assert [each["by"] for each in calstation("audit", "--by", person, "--json", "-").json["events"]] == [*recorded]
+    append_audit(home, "file_saved", "Li Na (B0003)")  # a namesake
+    append_audit(home, "file_saved", "Li Na (B0001)")
+    found = calstation("audit", "--by", "B0003", "--json", "-").json["events"]
+    assert [each["by"] for each in found] == ["Li Na (B0003)"]
 
 
 def test_error_for_an_unknown_event_lists_the_known_events(calstation, home: Path) -> None:

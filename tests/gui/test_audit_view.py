@@ -76,6 +76,19 @@ def test_events_are_listed_and_filtered(page: HistoryPage, trail: Path, qtbot: Q
     assert not table.isVisible()
 
 
+def test_one_person_with_badge_and_name_is_one_entry_of_the_filter(
+    page: HistoryPage, site_folder: SiteFolder, qtbot: QtBot
+) -> None:
+    for by in ("B0001", "Li Na", "Li Na (B0001)", "Wang Wei (B0002)"):
+        append_audit(site_folder.home, "file_saved", by, kind="products", name="nav_a")
+    table = open_trail(page, qtbot)
+    person = page.audit.findChild(QComboBox, "audit_person_combo")
+    assert [person.itemData(index) for index in range(1, person.count())] == ["Li Na (B0001)", "Wang Wei (B0002)"]
+    person.setFocus()
+    qtbot.keyClicks(person, "Li")
+    assert len(events(table)) == 3
+
+
 @pytest.mark.parametrize(
     ("code", "person", "hint"),
     [

@@ -64,7 +64,8 @@ def sign_in_station(site_folder: SiteFolder) -> None:
 @pytest.mark.parametrize("personal", [True, False])
 def test_name_of_a_saved_file_is_authenticated_only_by_a_personal_pin(operator: Operator, personal: bool) -> None:
     site, own, app = operator.site_folder, "135790", operator.window.app
-    badges = {"badge_pattern": r"B\d{4}", "engineers": ["B0001", "B0002"]}
+    names = {"B0001": "Li Na", "B0002": "Wang Wei"}
+    badges = {"badge_pattern": r"B\d{4}", "engineers": [*names], "names": names}
     site.station.write_text(tomli_w.dumps({**STATION, "bench": BENCH, "sign_in": badges}), encoding="utf-8")
     app.set_station(site.station)
     access.set_pin("", PIN)
@@ -79,7 +80,8 @@ def test_name_of_a_saved_file_is_authenticated_only_by_a_personal_pin(operator: 
     page.drafts.station.set({("name",): "line 9"})
     assert page.save()
     event = read_audit(audit_path(library.site_folder())).entries[-1]
-    assert (event.event, event.by, event.unproven) == ("file_saved", "B0001" if personal else "B0002", not personal)
+    person = "Li Na (B0001)" if personal else "Wang Wei (B0002)"
+    assert (event.event, event.by, event.unproven) == ("file_saved", person, not personal)
     assert event.values["pin"] == ("personal" if personal else "site")
 
 

@@ -11,6 +11,7 @@ from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QLabel, QTableView
 from pytestqt.qtbot import QtBot
 
+from calstation.config import SignInSection, load_station
 from calstation.gui.history import HistoryPage
 from calstation.gui.history.record_view import _state
 from calstation.gui.text import event_line, language, say
@@ -247,8 +248,10 @@ def test_certificates_of_a_run_whose_log_was_deleted_are_listed(
 
 def test_issuers_are_those_of_the_audit_trail(site_folder: SiteFolder) -> None:
     append_audit(site_folder.home, "certificate", "E-7", certificate="N-1", content_sha256="ab", confirmed_by="Wu Fei")
-    unproven = ("Qin Q (not authenticated)", "Wu Fei (not authenticated)")
-    assert _issuers({"E-7": "Qin Q"}, "en") == {("N-1", "ab"): unproven}
+    unproven = ("Qin Q (E-7) (not authenticated)", "Wu Fei (not authenticated)")
+    sign_in = SignInSection(badge_pattern=r"E-\d", names={"E-7": "Qin Q"})
+    station = load_station(site_folder.station)[1].model_copy(update={"sign_in": sign_in})
+    assert _issuers(station, "en") == {("N-1", "ab"): unproven}
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,8 @@ from tests.helpers import ignore_progress, raises_code
 from tests.results.test_history import write
 
 LI, WANG = Person("B0001", "111111"), Person("B0002", "222222")
-SIGN_IN = '\n[sign_in]\nbadge_pattern = "B[0-9]{4}"\nengineers = ["B0001", "B0002"]\n'
+NAMES = '{ B0001 = "Li Na", B0002 = "B0002" }'
+SIGN_IN = f'\n[sign_in]\nbadge_pattern = "B[0-9]{{4}}"\nengineers = ["B0001", "B0002"]\nnames = {NAMES}\n'
 TWO = '\n[confirmation]\nrequired_for = ["override"]\n'
 
 
@@ -55,7 +56,10 @@ def test_release_is_recorded_in_result_index_and_audit_trail(home: Path, failed:
     after = json.loads(failed.read_text("utf-8"))
     override = after.pop("override")
     assert after == before
-    assert (override["by"], override["confirmed_by"], override["why"]) == ("B0001", "B0002", "scratched label only")
+    assert (override["by"], override["confirmed_by"], override["why"]) == (
+        *("Li Na (B0001)", "B0002"),
+        "scratched label only",
+    )
     result = load_result(failed)
     assert (result.outcome, result.verdict, result.released) == ("failed", "failed", True)
     history = History(failed.parent)
@@ -65,7 +69,7 @@ def test_release_is_recorded_in_result_index_and_audit_trail(home: Path, failed:
     assert history.failures("SN-1", run.product) == 1
     event = read_audit(audit_path(home)).entries[-1]
     assert (event.event, event.by, event.confirmed_by, event.why) == (
-        "override", "B0001", "B0002", "scratched label only",
+        "override", "Li Na (B0001)", "B0002", "scratched label only",
     )  # fmt: skip
     assert (event.values["serial"], event.values["result"]) == ("SN-1", "a.json")
 

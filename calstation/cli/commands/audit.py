@@ -22,7 +22,7 @@ from calstation.config import (
 )
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import local_time
-from calstation.records import AUDIT_EVENTS, AuditEvent, audit_path, select_audit
+from calstation.records import AUDIT_EVENTS, AuditEvent, audit_path
 from calstation.reports import CertificateState, read_verified_trail, stamp_trail, verify_time_stamp
 from calstation.results import check_runs
 from calstation.validation import validation_due
@@ -59,9 +59,9 @@ def audit(
     path, site = _read(file)
     names = dict.fromkeys((*AUDIT_EVENTS, *(e.event for e in site.trail.entries)))  # includes events of later versions
     check_choice("--event", event, tuple(names))
-    events = select_audit(site.trail.entries, event, by, first)
-    lines = map(_marked_line, site.select(event, by, first))
-    emit(_row(path, site, events), json, [*lines, *_verified(site)])
+    lines = site.select(event, by, first)
+    events = [each.event for each in lines if each.event is not None]
+    emit(_row(path, site, events), json, [*map(_marked_line, lines), *_verified(site)])
     return _exit_code(site)
 
 

@@ -125,7 +125,8 @@ class AuditView(JobView):
     def _show_texts(self) -> None:
         trail = self._trail
         entries = () if trail is None else trail.trail.entries
-        people = sorted({name for each in entries for name in (each.by, each.confirmed_by) if name})
+        acted = {name for each in entries for name in (each.by, each.confirmed_by) if name}
+        people = () if trail is None else sorted({trail.people[name] for name in acted})
         names = dict.fromkeys((*AUDIT_EVENTS, *(each.event for each in entries)))
         events = [(term("audit_event", name), name) for name in names]
         fill_combo(self._event, [(say("history.audit_every_event"), ""), *events])

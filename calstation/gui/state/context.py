@@ -7,7 +7,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QSettings, Signal
 
-from calstation.config import Confirmation, library, load_station
+from calstation.config import Confirmation, SignInSection, library, load_station
 from calstation.database import ExchangeState
 from calstation.errors import CalstationError
 from calstation.gui.state.engine_link import EngineLink
@@ -116,15 +116,26 @@ class AppContext(QObject):
         role = self.role
         proved = bool(role.badge) and role.person == self.person and self.badge in (None, role.badge)
         if proved:
-            return Confirmation(self.person, pin="personal")
-        return Confirmation(self.person or "engineer", pin="site" if role.engineer and not role.badge else None)
+            return Confirmation(self.recorded(role.badge), pin="personal")
+        by = self.recorded(self.badge or self.person or "engineer")
+        return Confirmation(by, pin="site" if role.engineer and not role.badge else None)
+
+    @property
+    def _sign_in(self) -> SignInSection | None:
+        """Badges of the station; None without badges, or if the file is damaged, which an engineer must correct."""
+        try:
+            return load_station(self.station_path)[1].sign_in
+        except CalstationError:
+            return None
+
+    def recorded(self, entered: str) -> str:
+        """Return how records name the person who entered a badge or a name."""
+        sign_in = self._sign_in
+        return entered if sign_in is None else sign_in.person(entered)
 
     def engineer_badge(self, entered: str) -> str:
         """Return a badge that the station lists as that of an engineer, otherwise ""."""
-        try:
-            sign_in = load_station(self.station_path)[1].sign_in
-        except CalstationError:
-            return ""
+        sign_in = self._sign_in
         return entered if sign_in is not None and entered in sign_in.engineers else ""
 
     def name_of(self, entered: str) -> str:
@@ -132,10 +143,7 @@ class AppContext(QObject):
 
         Raises ConfigurationError if the badge is not accepted.
         """
-        try:
-            sign_in = load_station(self.station_path)[1].sign_in
-        except CalstationError:  # an engineer must be able to correct the file
-            return entered
+        sign_in = self._sign_in
         return entered if sign_in is None else sign_in.operator(entered)
 
     def set_station(self, path: Path | None) -> None:

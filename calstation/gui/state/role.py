@@ -66,12 +66,12 @@ class RoleLock(QObject):
         self._set("engineer", person, badge if owner == "personal" else "")
         return True
 
-    def set_first_pin(self, pin: str, person: str = "") -> None:
-        """Set the first PIN and switch to the engineer role for a person.
+    def set_first_pin(self, pin: str, person: str = "", recorded: str = "") -> None:
+        """Set the first PIN and switch to the engineer role for a person, whom the audit trail names as `recorded`.
 
         Raises ConfigurationError if the PIN is not allowed or cannot be stored.
         """
-        access.set_pin("", pin, by=person)
+        access.set_pin("", pin, by=recorded or person)
         self._set("engineer", person)
 
     def lock(self) -> None:
@@ -241,7 +241,7 @@ class RolePanel(QFrame):
                 self._show_error(say("window.pins_differ"))
                 self._again_edit.setFocus()
             elif self._role.new:
-                self._role.set_first_pin(pin, name)
+                self._role.set_first_pin(pin, name, self._app.recorded(person))
                 self._accept(person)
             elif self._role.unlock(pin, name, self._app.engineer_badge(person)):
                 self._accept(person)
