@@ -17,12 +17,12 @@ from calstation.results import History, Result
 
 #: Reason why production is refused: no run has passed, the last passed run is too old, the last run failed or differed
 #: from the reference, the result of the last run was altered, or an instrument's calibration is overdue.
-Reason = Literal["never", "overdue", "out", "altered", "certificate"]
+#: Why production is refused: no run of a check standard has passed, or the next is overdue; its last run failed a limit
+#: or a check of the product, is out of agreement with the reference, or its result was altered; or a certificate.
+Reason = Literal["never", "overdue", "failed", "out", "altered", "certificate"]
 #: State of an instrument: its next calibration is overdue, its calibration is dated after today, it has no due date, or
 #: there is no problem.
 InstrumentState = Literal["overdue", "future", "undated", "good"]
-#: Kinds of the instruments without a valid calibration of which production is refused.
-_REQUIRED_KINDS = ("table", "site")
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ def overdue_instruments(station: StationConfig, now: datetime) -> list[Due]:
 
 def due_certificates(station: StationConfig, now: datetime) -> list[Due]:
     """Return the overdue instruments because of which production is refused: the station's table and surveys."""
-    return _overdue([each for each in station.instruments if each.kind in _REQUIRED_KINDS], now)
+    return _overdue([each for each in station.instruments if each.required], now)
 
 
 def _overdue(instruments: Iterable[InstrumentSection], now: datetime) -> list[Due]:
@@ -169,7 +169,8 @@ def _state(
     due = None if last_passed is None else last_passed + timedelta(days=standard.interval_days)
     problem = None
     if last is not None and last != passed:
-        reason: Reason = "altered" if last.altered and last.verdict.passed else "out"
+        agrees = _agrees(last, standard, imu, history)
+        reason: Reason = "out" if agrees is False else "altered" if last.verdict.passed else "failed"
         problem = Due(standard.serial, reason, _time(last.started_utc))
     elif due is None:
         problem = Due(standard.serial, "never", None)
@@ -187,12 +188,12 @@ def _is_valid(run: RunRecord, standard: CheckStandardSection, now: datetime) -> 
         return False
 
 
-def _agrees(run: RunRecord, standard: CheckStandardSection, imu: ImuProfile, history: History) -> bool:
-    """Return whether the result of a run agrees with the reference; False if it cannot be read or was altered."""
+def _agrees(run: RunRecord, standard: CheckStandardSection, imu: ImuProfile, history: History) -> bool | None:
+    """Return whether the result of a run agrees with the reference; None if it cannot be read or was altered."""
     try:
         return judge_result(standard, imu, history.result(run)).passed
     except InputError:
-        return False
+        return None
 
 
 def _time(text: str) -> datetime:

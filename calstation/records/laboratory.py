@@ -60,3 +60,8 @@ class InstrumentSection(StrictModel):
     certificate: _Text | None = None  #: Number of the instrument's calibration certificate.
     calibrated: Day | None = None
     due: Day | None = None  #: Date of the instrument's next calibration.
+
+    @property
+    def required(self) -> bool:
+        """Whether production is refused if the calibration is overdue."""
+        return self.kind in ("table", "site")

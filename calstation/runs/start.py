@@ -40,7 +40,7 @@ Subject = Literal["transfer", "resume", "attempts", "passed", "standard", "table
 #: Refusals of production that an engineer can override.
 _OVERRIDABLE = (
     "quality.not_in_order",
-    *(f"quality.standard_{reason}" for reason in ("never", "overdue", "out", "altered", "certificate")),
+    *(f"quality.standard_{reason}" for reason in ("never", "overdue", "failed", "out", "altered", "certificate")),
 )
 
 

@@ -362,6 +362,7 @@ def test_missing_standards_and_instruments_are_explained_beside_the_geometry(
     page._show_station(StationQuality((), (), (), dict.fromkeys(TABLE_QUANTITIES, chart)))
     assert "The product has no check standard" in operator.says()
     assert "The station has no instruments" in operator.says()
+    assert "[[" not in operator.says(), "there are forms for both"
     assert page.standards.table.isVisible()
     for table in (page.standards.standards, page.standards.runs, page.standards.instruments, page.standards.power):
         assert not table.isVisible()
@@ -627,7 +628,13 @@ def test_overdue_instruments_and_failed_check_standards_are_shown(operator: Oper
     click_tab(operator, "Check standards")
     assert [row[:2] for row in cells(operator, "standards_table")] == [["never passed", "GOLD-1"]]
     states = ["overdue", "no due date", "overdue", "future date", "in order"]
-    assert [row[0] for row in cells(operator, "instruments_table")] == states
+    kinds = ["table", "other", "other", "survey of the site", "survey of the site"]
+    rows = cells(operator, "instruments_table")
+    assert [(row[0], row[2]) for row in rows] == list(zip(states, kinds, strict=True))
+    model = operator.widget("instruments_table", QTableView).model()
+    symbols = [model.index(line, 0).data(Qt.ItemDataRole.UserRole) for line in range(len(rows))]
+    assert symbols == ["bad", "none", "caution", "caution", "good"], "another instrument does not refuse production"
+    assert "not on other instruments or the geometry" in page.scope_label.text()
     language.use("zh_CN")
     states = ["已过期", "无到期日", "已过期", "日期在未来", "有效"]
     assert [row[0] for row in cells(operator, "instruments_table")] == states

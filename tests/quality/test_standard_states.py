@@ -63,7 +63,7 @@ def test_failed_latest_run_stops_production_even_if_its_values_agree(runs: Path)
     store(runs, "second", 21, "failed")
     found = state(runs)
     assert found.problem is not None
-    assert (found.problem.reason, found.problem.since) == ("out", datetime(2026, 11, 21, 8, tzinfo=UTC))
+    assert (found.problem.reason, found.problem.since) == ("failed", datetime(2026, 11, 21, 8, tzinfo=UTC))
     assert found.last_passed == datetime(2026, 11, 20, 8, tzinfo=UTC)
     store(runs, "third", 22, "passed")
     assert state(runs).problem is None
@@ -75,7 +75,7 @@ def test_deleting_the_files_of_a_failed_run_does_not_permit_production(runs: Pat
     path.unlink()
     found = state(runs)
     assert found.problem is not None
-    assert found.problem.reason == "out"
+    assert found.problem.reason == "failed"
     store(runs, "third", 22, "passed").unlink()
     assert state(runs).problem == found.problem, "a run without files does not show that the standard agrees"
 
@@ -102,6 +102,14 @@ def test_edited_result_of_a_check_standard_does_not_count(runs: Path, log: str) 
     assert state(runs).problem is None
 
 
+@pytest.mark.parametrize("outcome", ["passed", "failed"])
+def test_latest_run_that_disagrees_is_named_as_such(runs: Path, outcome: str) -> None:
+    store(runs, "second", 21, outcome, values={"gyro_bias_x": 50.0})
+    found = state(runs)
+    assert found.problem is not None
+    assert found.problem.reason == "out"
+
+
 @pytest.mark.parametrize(("chosen", "text"), [("en", "was changed after the run"), ("zh_CN", "结果在标定后被改动")])
 def test_refusal_names_the_altered_result(runs: Path, chosen: str, text: str) -> None:
     path = store(runs, "second", 21, "passed", values={"gyro_bias_x": 50.0})
@@ -120,7 +128,7 @@ def test_run_with_a_start_time_in_the_future_is_ignored(runs: Path) -> None:
     store(runs, "future", 1, "passed", started_utc="2036-11-22T08:00:00+00:00")
     found = state(runs)
     assert found.problem is not None
-    assert found.problem.reason == "out"
+    assert found.problem.reason == "failed"
 
 
 @pytest.mark.parametrize("started", [None, "", "yesterday"])

@@ -32,7 +32,7 @@ from calstation.quality import BASELINE, StandardHistory, StationQuality, TableC
 
 #: Quantities of the table geometry, in the order of the plots.
 _QUANTITIES = ("orthogonality", "tilt_x", "tilt_y")
-_STATE = Cell("quality.state", "state", number=False, state="kind")
+_STATE = Cell("quality.state", "state", number=False, state="kind", hint="hint")
 #: Symbol of each state of an instrument.
 _INSTRUMENT_KINDS = {"overdue": "bad", "future": "caution", "good": "good", "undated": "none"}
 #: Object name, accessible name and columns of the tables of standards, runs, instruments and smallest errors.
@@ -51,7 +51,7 @@ _TABLES = (
         "standard_runs_table",
         "quality.runs_of_standard",
         (
-            Cell("common.verdict", "state", number=False, state="kind"),
+            Cell("quality.agreement", "state", number=False, state="kind"),
             Cell("common.started", "started", number=False),
             Cell("quality.largest_en", "error"),
             Cell("quality.t_squared", "t_squared"),
@@ -61,8 +61,9 @@ _TABLES = (
         "instruments_table",
         "quality.instruments",
         (
-            _STATE,
+            Cell("quality.state", "state", number=False, state="kind"),
             Cell("quality.name", "name", number=False),
+            Cell("quality.kind", "kind_name", number=False),
             Cell("quality.certificate", "certificate", number=False),
             Cell("quality.calibrated", "calibrated", number=False),
             Cell("quality.due", "due", number=False),
@@ -171,6 +172,7 @@ class StandardsView(QWidget, DataView[StationQuality]):
             cells[state.standard.serial] = {
                 "kind": "good" if state.problem is None else "bad",
                 "state": say(f"chart.standard_{reason}"),
+                "hint": "" if state.problem is None else say(state.problem.cause),
                 "serial": state.standard.serial,
                 "passed": "–" if state.last_passed is None else local_time(state.last_passed.isoformat())[:10],
                 "due": "–" if state.due is None else local_time(state.due.isoformat())[:10],
@@ -179,9 +181,10 @@ class StandardsView(QWidget, DataView[StationQuality]):
         self.instruments.show_cells(
             {
                 str(k): {
-                    "kind": _INSTRUMENT_KINDS[state],
+                    "kind": "caution" if state == "overdue" and not each.required else _INSTRUMENT_KINDS[state],
                     "state": say(f"chart.instrument_{state}"),
                     "name": each.name,
+                    "kind_name": say(f"form.kind_{each.kind}"),
                     "certificate": each.certificate or "–",
                     "calibrated": "–" if each.calibrated is None else each.calibrated.isoformat(),
                     "due": "–" if each.due is None else each.due.isoformat(),
