@@ -129,6 +129,7 @@ from calstation.records.station_key import (
     TrailHead,
     database_heads,
     find_heads,
+    head_file,
     is_signed,
     key_file,
     store_database_heads,

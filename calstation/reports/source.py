@@ -19,9 +19,9 @@ from calstation.results import (
     altered_entry,
     difference,
     find_log,
-    is_release_recorded,
     load_result,
     plain,
+    require_recorded_release,
     resolve_log,
     stated_by_log,
     stored_result,
@@ -83,8 +83,7 @@ def _run_result(path: Path, result: Result, log: Log) -> Result:
         raise InputError("result.altered", file=path, log=log.path, entry=entry)
     if result.override is None:
         return stored
-    if not is_release_recorded(result):
-        raise InputError("report.release_unknown", file=path, by=result.override.by)
+    require_recorded_release(result, path)
     return stored.model_copy(update={"override": result.override})
 
 

@@ -30,7 +30,7 @@ from calstation.records import (
 )
 from calstation.reports.issued_pdf import file_digests
 from calstation.reports.request import default_report_folder, report_folder
-from calstation.results import load_run_result
+from calstation.results import load_confirmed_result
 
 #: Maximum number of missing files that are named.
 _MAX_NAMES = 5
@@ -271,7 +271,7 @@ def _missing_runs(folder: Path) -> list[Text]:
 
 
 def _changed_results(folder: Path) -> list[Text]:
-    """Return a fault for every run that the index marks because its result file was changed after the run."""
+    """Return a fault for every run that the index marks because nothing confirms its result file."""
     from calstation.records.run_index import FILE, RunIndex  # loads SQLAlchemy
 
     if not (folder / FILE).is_file():
@@ -281,7 +281,7 @@ def _changed_results(folder: Path) -> list[Text]:
         if run.origin or run.result is None or run.missing:
             continue
         try:
-            load_run_result(run.result)
+            load_confirmed_result(run.result)
         except InputError as error:
             faults.append(error.as_text)
         else:  # a file that agrees with its log has been restored since

@@ -28,7 +28,7 @@ from calstation.results.offline import (
     import_recording,
     offline_solve,
 )
-from calstation.results.override import is_release_recorded, override_required, override_result, run_files
+from calstation.results.override import override_required, override_result, run_files
 from calstation.results.pairs import (
     PairCheckResult,
     PairProgress,
@@ -69,6 +69,16 @@ from calstation.results.result import (
 )
 from calstation.results.run_events import TimedEvent, load_events
 from calstation.results.solver_chain import StageChain, one_blas_thread, solve
-from calstation.results.stated import ADDED_LATER, altered_entry, difference, load_run_result, run_log
-from calstation.results.stored_runs import ended_result, lacks_log, log_doubt
+from calstation.results.stated import (
+    ADDED_LATER,
+    altered_entry,
+    difference,
+    is_release_recorded,
+    load_confirmed_result,
+    load_run_result,
+    override_of,
+    require_recorded_release,
+    run_log,
+)
+from calstation.results.stored_runs import ended_result, lacks_log, result_doubt
 from calstation.results.temperature import compensate_samples, known_temperatures

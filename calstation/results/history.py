@@ -27,7 +27,7 @@ from calstation.records import (
     resolve_file,
 )
 from calstation.results.result import NO_RESULT, SCHEMA, Parameter, Result, load_result
-from calstation.results.stated import load_run_result
+from calstation.results.stated import load_confirmed_result
 from calstation.results.stored_runs import has_files, is_run, lacks_log, read_run, run_stamps
 
 if TYPE_CHECKING:
@@ -171,7 +171,7 @@ class History:
                 raise InputError("result.elsewhere", log=record.log.name, station=record.station or "?")
             return load_result(copy)
         if record.result is not None:
-            result = load_run_result(record.result)
+            result = load_confirmed_result(record.result)
             if record.altered:  # the log, which would contradict it, is missing or damaged
                 raise InputError("result.altered_without_log", file=record.result)
             return result
@@ -285,8 +285,9 @@ def number_ranges(ranges: Iterable[tuple[int, int]]) -> list[str]:
 
 
 def check_runs(folder: Path) -> tuple[list[Text], list[Text]]:
-    """Return the result files in a folder that differ from their logs, and the units with missing attempts.
+    """Return the result files in a folder that nothing confirms, and the units with missing attempts.
 
+    Such a file differs from its log, or contains a release that is not in the audit trail of the site.
     The index of the folder is not used, because it is not evidence.
     """
     faults: list[Text] = []
@@ -298,7 +299,7 @@ def check_runs(folder: Path) -> tuple[list[Text], list[Text]]:
         attempts.setdefault(run.record.serial, set()).add(run.record.attempt)
         if run.record.altered and run.record.result is not None:
             try:
-                load_run_result(run.record.result)
+                load_confirmed_result(run.record.result)
             except InputError as error:
                 faults.append(error.as_text)
     gaps = {serial: number_ranges(_absent(numbers)) for serial, numbers in sorted(attempts.items())}

@@ -20,10 +20,10 @@ from calstation.config import (
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
 from calstation.parsing import parse_toml, read_json
-from calstation.records import AuditEvent, FileSection, audit_writer, open_log, site_events, verify_trail
+from calstation.records import FileSection, audit_writer, open_log
 from calstation.results.resolving import find_log
 from calstation.results.result import Override, Result, write_json
-from calstation.results.stated import load_run_result
+from calstation.results.stated import load_run_result, override_of
 from calstation.schema import validate
 
 T = TypeVar("T", bound=BaseModel)
@@ -57,21 +57,10 @@ def override_result(report: ProgressCallback, path: Path, why: str, first: Perso
         result = _failed(path)
         about = {"serial": result.serial, "result": path.name, "log_sha256": result.log.sha256, "pin": people.pin}
         event = audit.append_event("override", people.by, why, confirmed_by=people.confirmed_by, **about)
-        override = _override(event)
+        override = override_of(event)
         content = read_json(path)
         write_json(path, {**content, "override": override.model_dump()})
     return override
-
-
-def is_release_recorded(result: Result) -> bool:
-    """Return whether the site's audit trail is intact and contains the release of a result; may raise InputError."""
-    releases = (event for event in site_events(site_folder()) if event.event == "override")
-    same = (event for event in releases if event.values.get("log_sha256") == result.log.sha256)
-    return not verify_trail(site_folder()).faults and any(result.override == _override(event) for event in same)
-
-
-def _override(event: AuditEvent) -> Override:
-    return Override(by=event.by, confirmed_by=event.confirmed_by, why=event.why, utc=event.utc)
 
 
 def _failed(path: Path) -> Result:

@@ -1,4 +1,4 @@
-"""Comparison of the result file of a run with the result that the run wrote into its log.
+"""Comparison of the result file of a run with the result in its log, and of its release with the audit trail.
 
 The result file can be edited with any editor. What a certificate, a label, the history or `apply` says comes from the
 log; an edited file is refused, or replaced by the result in the log.
@@ -7,16 +7,30 @@ log; an edited file is refused, or replaced by the result in the log.
 import hashlib
 import json
 import math
+import os
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from calstation.config import site_folder
 from calstation.errors import InputError
-from calstation.records import SUFFIX, Verdict, last_result, open_log
-from calstation.results.result import Result, read_content, result_from
+from calstation.records import (
+    SUFFIX,
+    AuditEvent,
+    Verdict,
+    audit_path,
+    head_file,
+    key_file,
+    last_result,
+    open_log,
+    site_events,
+    verify_trail,
+)
+from calstation.results.result import Override, Result, read_content, result_from
 
-#: Entries that are added later to the result file of a run: an override, which must be in the audit trail, and the
-#: decision not to resume an interrupted run, which certificates do not state.
+#: Entries that are added later to the result file of a run: an override, which must be in the audit trail (see
+#: `load_confirmed_result`), and the decision not to resume an interrupted run, which certificates do not state.
 ADDED_LATER = ("override", "closed_utc", "closed_by")
 
 
@@ -47,6 +61,48 @@ def load_run_result(path: Path, *, require_log: bool = False) -> Result:
     if stored is None and open_log(log).outcome is None:
         raise InputError("result.unconfirmed", file=path, log=log)
     raise InputError("result.altered", file=path, log=log, entry=entry)
+
+
+def load_confirmed_result(path: Path) -> Result:
+    """Read the result file of a run as `load_run_result`; the audit trail must contain its release, if it has one."""
+    result = load_run_result(path)
+    require_recorded_release(result, path)
+    return result
+
+
+def require_recorded_release(result: Result, path: Path) -> None:
+    """Raise InputError if the audit trail of the site does not contain the release in a result file."""
+    if result.override is not None and not is_release_recorded(result):
+        raise InputError("result.release_unknown", file=path, by=result.override.by)
+
+
+def is_release_recorded(result: Result) -> bool:
+    """Return whether the site's audit trail is intact and contains the release of a result; may raise InputError."""
+    folder = site_folder()
+    files = (audit_path(folder), head_file(folder), key_file(folder))
+    stamps = tuple((s.st_mtime_ns, s.st_size) if (s := _status(file)) is not None else None for file in files)
+    return (result.log.sha256, result.override) in _recorded_releases(folder, stamps)
+
+
+@lru_cache(maxsize=1)  # many results are compared with one trail
+def _recorded_releases(folder: Path, stamps: object) -> list[tuple[object, Override]]:
+    """Return the digest of the log and the release of every event; none if the trail was changed."""
+    if verify_trail(folder).faults:
+        return []
+    releases = (event for event in site_events(folder) if event.event == "override")
+    return [(event.values.get("log_sha256"), override_of(event)) for event in releases]
+
+
+def override_of(event: AuditEvent) -> Override:
+    """Return the release that an event of the audit trail records."""
+    return Override(by=event.by, confirmed_by=event.confirmed_by, why=event.why, utc=event.utc)
+
+
+def _status(file: Path) -> os.stat_result | None:
+    try:
+        return file.stat()
+    except OSError:
+        return None
 
 
 def run_log(file: str, path: Path) -> Path | None:

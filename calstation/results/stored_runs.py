@@ -24,7 +24,13 @@ from calstation.records import (
     solved_stages,
 )
 from calstation.results.result import NO_RESULT, Result
-from calstation.results.stated import ADDED_LATER, altered_entry, content_digest
+from calstation.results.stated import (
+    ADDED_LATER,
+    altered_entry,
+    content_digest,
+    load_confirmed_result,
+    require_recorded_release,
+)
 
 #: Largest number of an attempt; the index cannot store any integer of a result.
 _MAX_ATTEMPTS = 1_000_000
@@ -96,12 +102,28 @@ def lacks_log(record: RunRecord) -> bool:
     return not record.origin and not record.log.exists()
 
 
-def log_doubt(record: RunRecord) -> Text | None:
-    """Return why the existing log of a run with a verdict does not confirm its result; None if it states a result.
+def result_doubt(record: RunRecord) -> Text | None:
+    """Return what does not confirm the result of a run with a verdict; None if its log contradicts or confirms it.
 
-    The log is unreadable, of another run, or without a result, as after its end was cut off.
+    The audit trail does not contain its release; or its log is unreadable, of another run, or without a result, as
+    after its end was cut off.
     """
-    if record.origin or not record.verdict.judged or not record.log.is_file():
+    if record.origin or not record.verdict.judged:
+        return None
+    return _log_doubt(record) or _release_doubt(record)
+
+
+def _release_doubt(record: RunRecord) -> Text | None:
+    try:
+        if record.altered and record.result is not None:
+            load_confirmed_result(record.result)
+    except InputError as error:
+        return error.as_text if error.code == "result.release_unknown" else None
+    return None
+
+
+def _log_doubt(record: RunRecord) -> Text | None:
+    if not record.log.is_file():
         return None
     try:
         stored = last_result(record.log)
@@ -142,11 +164,15 @@ def ended_result(log: Log) -> Result | None:
 
 
 def _from_file(folder: Path, name: str, stamp: str, path: Path) -> IndexedRun | None:
-    """Read a run from its result file or, if that was altered, from its log."""
+    """Read a run from its result file or, if that was altered, from its log; without an unknown release."""
     content = read_json(path)
     result = Result.from_json(content)
     if not is_run(result, name):
         return None
+    unknown_release = not _knows_release(result, path)
+    if unknown_release:
+        result = result.model_copy(update={"override": None})
+        content.pop("override")
     run = _from_result(folder, name, stamp, result, path)
     log = run.record.log
     entry, stored = None, None
@@ -155,7 +181,8 @@ def _from_file(folder: Path, name: str, stamp: str, path: Path) -> IndexedRun | 
             stored = last_result(log)
             entry = altered_entry(content, stored)
     if entry is None:
-        return replace(run, record=replace(run.record, result_sha256=content_digest(content)))
+        record = replace(run.record, altered=unknown_release, result_sha256=content_digest(content))
+        return replace(run, record=record)
     if stored is not None and not is_run(Result.from_json(stored), name):  # the log of another run confirms nothing
         return replace(run, record=replace(run.record, altered=True, result_sha256=content_digest(content)))
     digest, unconfirmed = "", False
@@ -168,6 +195,15 @@ def _from_file(folder: Path, name: str, stamp: str, path: Path) -> IndexedRun | 
         run = _from_result(folder, name, stamp, Result.from_json({**stored, **later}), path)
     record = replace(run.record, result=path, altered=True, unconfirmed=unconfirmed, result_sha256=digest)
     return replace(run, record=record)
+
+
+def _knows_release(result: Result, path: Path) -> bool:
+    """Return whether the audit trail contains the release in a result file, or there is none."""
+    try:
+        require_recorded_release(result, path)
+    except InputError:
+        return False
+    return True
 
 
 def _check_texts(run: IndexedRun) -> None:

@@ -339,3 +339,26 @@ def test_verification_of_the_site_names_runs_with_changed_results(
     assert [each.values["file"] for each in faults] == [logged, alone]
     assert ("its log is missing" if code == "en" else "数据记录缺失") in say(faults[1])
     language.use("en")
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_release_that_the_audit_trail_does_not_record_is_named(
+    page: HistoryPage, folder: Path, qtbot: QtBot, code: str
+) -> None:
+    language.use(code)
+    path = write_run(folder, "SN-000001", "failed", timedelta(hours=1), bias=5.0)
+    write_log(path)
+    listed_runs(page, qtbot)
+    forged = {"by": "B0002", "confirmed_by": None, "why": "forged", "utc": NOW.isoformat()}
+    path.write_text(json.dumps({**json.loads(path.read_text("utf-8")), "override": forged}), "utf-8")
+    list_again(page, qtbot)
+    assert rows(page) == [("SN-000001", say("badge.altered"))]
+    reason = page.details.reason_label.text()
+    unrecorded = "the audit trail of this site does not record this release" if code == "en" else "没有此次放行"
+    assert unrecorded in reason
+    assert "B0002" in reason
+    assert "forged" not in reason
+    (fault,) = read_verified_trail(lambda *_, **__: None, None, folder).faults
+    assert say(fault) in reason
+    assert unrecorded in say(fault)
+    language.use("en")

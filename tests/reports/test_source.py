@@ -29,7 +29,7 @@ WITHOUT_EFFECT = {
     "solved_again": ("log.file", "details.", "observability."),
 }
 #: Errors of a file that was changed.
-REFUSED = {"report.other_result", "result.altered", "report.other_log", "report.release_unknown", "report.untested"} | {
+REFUSED = {"report.other_result", "result.altered", "report.other_log", "result.release_unknown", "report.untested"} | {
     "report.solved_by_other_version",
     "result.not_a_result",
 }
@@ -267,14 +267,14 @@ def test_release_is_certified_only_if_it_is_in_the_audit_trail(released: Path, h
         content = json.loads(released.read_text(encoding="utf-8"))
         other = released.with_name("other.json")
         other.write_text(json.dumps({**content, "override": {**content["override"], key: value}}), encoding="utf-8")
-        with raises_code(InputError, "report.release_unknown"):
+        with raises_code(InputError, "result.release_unknown"):
             stated(other)
     lines = audit_path(home).read_bytes().splitlines(keepends=True)
     audit_path(home).write_bytes(b"".join([lines[0].replace(b"pin_set", b"pin_get"), *lines[1:]]))
-    with raises_code(InputError, "report.release_unknown"):
+    with raises_code(InputError, "result.release_unknown"):
         stated(released)
     shutil.rmtree(home)
-    with raises_code(InputError, "report.release_unknown"):
+    with raises_code(InputError, "result.release_unknown"):
         stated(released)
 
 
@@ -285,7 +285,7 @@ def test_release_of_another_run_does_not_apply(released: Path, shared_runs: Shar
     assert release is not None
     content = honest(other).content
     other.write_text(json.dumps({**content, "override": release.model_dump()}), encoding="utf-8")
-    with raises_code(InputError, "report.release_unknown"):
+    with raises_code(InputError, "result.release_unknown"):
         stated(other)
 
 

@@ -12,10 +12,29 @@ from typing import Any
 import pytest
 from helpers import ignore_progress
 
+from calstation.config import site_folder
 from calstation.errors import InputError
-from calstation.records import CheckId, IndexedRun, LogMeta, RawLogWriter, RunFilter, RunIndex, Verdict, acquire_lock
+from calstation.records import (
+    CheckId,
+    IndexedRun,
+    LogMeta,
+    RawLogWriter,
+    RunFilter,
+    RunIndex,
+    Verdict,
+    acquire_lock,
+    append_audit,
+    audit_path,
+)
 from calstation.records.run_index import FILE
-from calstation.results import History, altered_entry, check_runs, refresh_history
+from calstation.results import (
+    History,
+    altered_entry,
+    check_runs,
+    override_of,
+    refresh_history,
+    result_doubt,
+)
 from calstation.results import history as history_module
 from calstation.runs import find_resumable, recover_at_startup
 from tests.check_rows import check_row
@@ -284,14 +303,46 @@ def test_stored_result_without_the_path_of_its_log_is_compared(log: Any) -> None
     assert (altered_entry(stored, other), altered_entry(other, stored)) == (expected, expected)
 
 
-@pytest.mark.parametrize("key", ["override", "closed_utc"])
-def test_entries_added_later_do_not_alter_a_result(tmp_path: Path, key: str) -> None:
+def test_decision_not_to_resume_does_not_alter_a_result(tmp_path: Path) -> None:
     path = write(tmp_path, "a", "SN-1", "failed", 1)
     write_log_of(path)
-    later = {"override": {"by": "li", "why": "x", "utc": "2026-11-02T00:00:00+00:00"}, "closed_utc": "2026-11-02"}
-    write(tmp_path, "a", "SN-1", "failed", 1, **{key: later[key]})
+    write(tmp_path, "a", "SN-1", "failed", 1, closed_utc="2026-11-02")
     (run,) = refreshed(tmp_path).runs()
-    assert (run.altered, run.released, run.closed) == (False, key == "override", key == "closed_utc")
+    assert (run.altered, run.closed) == (False, True)
+
+
+@pytest.mark.parametrize("with_log", [True, False])
+def test_release_that_the_audit_trail_does_not_record_is_no_release(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, with_log: bool
+) -> None:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
+    path = write(tmp_path, "a", "SN-1", "failed", 1)
+    if with_log:
+        write_log_of(path)
+    assert [run.badge for run in refreshed(tmp_path).runs()] == ["failed"]
+    forged = {"by": "B0002", "why": "forged", "utc": "2026-11-02T00:00:00+00:00"}
+    write(tmp_path, "a", "SN-1", "failed", 1, override=forged)
+    history = refreshed(tmp_path)
+    (run,) = history.runs()
+    assert (run.badge, run.verdict, run.released) == ("altered", "failed", False)
+    assert history.runs(RunFilter(altered=True)) == [run]
+    with raises_code(InputError, "result.release_unknown"):
+        history.result(run)
+    doubt = result_doubt(run)
+    assert doubt is not None
+    assert (doubt.code, doubt.values["by"]) == ("result.release_unknown", "B0002")
+    faults, _ = check_runs(tmp_path)
+    assert faults == [doubt]
+    event = append_audit(site_folder(), "override", "B0002", "scratch", log_sha256="")
+    write(tmp_path, "a", "SN-1", "failed", 1, override=override_of(event).model_dump())
+    trail = audit_path(site_folder())
+    trail.rename(tmp_path / "trail")
+    (run,) = refreshed(tmp_path).runs()
+    assert run.badge == "altered"
+    (tmp_path / "trail").rename(trail)
+    history.read_again(run)
+    assert [run.badge for run in history.runs()] == ["released"]
+    assert check_runs(tmp_path)[0] == []
 
 
 @pytest.mark.parametrize("damage", ["delete", "garbage", "other version"])

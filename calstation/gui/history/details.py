@@ -232,7 +232,7 @@ class RunDetails(QFrame):
     ) -> None:
         """Show a run, its result, the solved runs of its unit (the oldest first), and the possible actions.
 
-        `absent` are the ranges of the attempt numbers of the unit of which no run is known, and `doubt` is why the log
+        `absent` are the ranges of the attempt numbers of the unit of which no run is known, and `doubt` is what
         does not confirm the result.
         """
         shown = run, result, tuple(unit_runs), tuple(absent), doubt

@@ -38,7 +38,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.records import RunFilter, RunRecord, Verdict
-from calstation.results import History, Result, log_doubt, refresh_history
+from calstation.results import History, Result, refresh_history, result_doubt
 from calstation.runs import Resumable, close_incomplete_job, find_resumable
 from calstation.sequencer import Event, Finalized
 
@@ -226,7 +226,7 @@ class HistoryPage(Page):
         if run is not None:
             result, unit_runs = self._result(run), self._history().solved(run.serial, run.product, MAX_TREND)
             absent = self._history().absent_attempts(run.serial)
-            self.details.show_run(run, result, unit_runs, self._actions(), absent, log_doubt(run))
+            self.details.show_run(run, result, unit_runs, self._actions(), absent, result_doubt(run))
             try:
                 self.details.resolves.show_records(self._history().resolves(run.log), None)
             except InputError as error:
