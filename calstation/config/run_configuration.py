@@ -292,8 +292,9 @@ def _read_configuration(request: RunRequest) -> RunConfiguration:
         paths["chamber"] = chamber_path
     schedules: dict[str, BaseModel] = {}
     for stage in request.stages or product.stages:
-        values = schedule_values(product, stage, (request.schedule or {}).get(stage, {}))
-        schedules[stage] = validate(method(stage).schedule, values, f"{product_path}: schedule.{stage}")
+        changes = (request.schedule or {}).get(stage, {})
+        source = f"schedule.{stage}" if changes else f"{product_path}: schedule.{stage}"
+        schedules[stage] = validate(method(stage).schedule, schedule_values(product, stage, changes), source)
     setup = RunConfiguration(
         request=request,
         station=station,

@@ -83,7 +83,7 @@ def test_schedule_values_of_a_request_override_the_product(site_folder: SiteFold
     assert plain.schedule["rate"] == PRODUCT["schedule"]["rate"]
     assert other.schedule["rate"] == {**PRODUCT["schedule"]["rate"], "turns": 2}
     assert other.to_json() != plain.to_json()
-    with pytest.raises(ConfigurationError, match=r"schedule\.rate: turns: 0 is out of range"):
+    with pytest.raises(ConfigurationError, match=r"^schedule\.rate: turns: 0 is out of range"):
         prepare_run(replace(asked, schedule={"rate": {"turns": 0}}))
 
 

@@ -392,6 +392,19 @@ def test_target_above_the_limit_of_the_product_is_a_caution(engineer: Engineer) 
     engineer.window.app.set_language("en")
 
 
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_target_below_one_in_an_empty_field_does_not_prevent_a_run(engineer: Engineer, code: str) -> None:
+    app = engineer.window.app
+    app.set_language(code)
+    engineer.unlock()
+    engineer.page.choice.selector.select("excitation")
+    engineer.type("schedule_excitation_targets_gyro_bias", "0.02")
+    assert engineer.widget("engineer_start_button").isEnabled()
+    assert app.schedule is not None
+    assert app.schedule["excitation"]["targets"] == pytest.approx({"gyro_bias": 0.02 * DEGREE_PER_HOUR})
+    app.set_language("en")
+
+
 @pytest.mark.long
 def test_confirmation_prompt_disappears_when_its_subject_changes(engineer: Engineer) -> None:
     app = engineer.window.app
@@ -475,6 +488,7 @@ def test_changed_schedule_is_stored_in_the_log_and_its_hash(engineer: Engineer) 
     assert engineer.widget("schedule_six_position_dwell_s", QLineEdit).text() == "3"
 
 
+DEGREE_PER_HOUR = np.pi / 180.0 / 3600.0
 SIZE = {"accel_bias": 9.80665e-6, "accel_scale": 1e-6}
 
 

@@ -64,6 +64,14 @@ def test_problem_is_shown_at_its_entry_only(qtbot: QtBot) -> None:
     assert (first.editor.value(), first.message.text()) == (1, "")
 
 
+def test_edit_does_not_change_values_that_were_returned_before() -> None:
+    values = FormValues({"targets": {}})
+    values.set({("targets", "a"): 0.0})
+    returned = values.values
+    values.set({("targets", "a"): 0.5})
+    assert (returned, values.values) == ({"targets": {"a": 0.0}}, {"targets": {"a": 0.5}})
+
+
 def test_text_is_not_replaced_while_it_is_typed(qtbot: QtBot) -> None:
     values = FormValues({"a": None})
     field = make_field(qtbot, values, "a", NumberEdit())

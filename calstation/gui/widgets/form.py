@@ -28,7 +28,10 @@ from calstation.schema import KeyPath, Problem, value_at
 
 
 class FormValues(QObject):
-    """The values of a form: the stored values, the edited `values`, and the problems that `check` finds in them."""
+    """The values of a form: the stored values, the edited `values`, and the problems that `check` finds in them.
+
+    An edit replaces `values`, so that whoever keeps them can compare them with later ones.
+    """
 
     changed = Signal()
 
@@ -52,13 +55,14 @@ class FormValues(QObject):
 
     def set(self, changes: Mapping[KeyPath, Any]) -> None:
         """Change values; None removes a value from a table."""
+        values = deepcopy(self.values)
         for (*tables, key), value in changes.items():
-            table = value_at(self.values, tuple(tables))
+            table = value_at(values, tuple(tables))
             if value is None and tables:
                 table.pop(key, None)
             else:
                 table[key] = value
-        self._show(self.values)
+        self._show(values)
 
     def reset(self) -> None:
         """Restore the stored values."""
