@@ -56,6 +56,7 @@ from calstation.config.run_configuration import (
 )
 from calstation.config.schedules import (
     ScheduleOptions,
+    implied_targets,
     save_schedule,
     schedule_fields,
     schedule_options,

@@ -38,7 +38,7 @@ from calstation.errors import ConfigurationError
 from calstation.escaping import surrogates
 from calstation.estimation.common import SolveContext, without_gravity
 from calstation.parsing import MAX_TOML, read_limited
-from calstation.physics import INDEX, NAMES, PARAMETERS, Step, entry_of, group_indices
+from calstation.physics import INDEX, NAMES, PARAMETERS, Step, entry_of, group_indices, parameter_indices
 from calstation.records import (
     FileSection,
     ImuSection,
@@ -237,16 +237,32 @@ def _section(model: type[Model], *sources: BaseModel, **entries: Any) -> Model:
 
 
 def _with_limits(setup: RunConfiguration, schedule: BaseModel) -> BaseModel:
-    """Return a schedule that ends at the product's limits, with the sigma limits less the gravity error as targets."""
-    if not getattr(schedule, "stop_at_limits", False) or getattr(schedule, "targets", None):
+    """Return a schedule that ends at the product's limits, which become the targets of parameters without one."""
+    if not getattr(schedule, "stop_at_limits", False):
         return schedule
     any_unit = replace(setup, request=replace(setup.request, serial=setup.product.example))
-    limits = any_unit.sigma_limits()
-    margin = getattr(schedule, "margin", 1.0)
-    targets_by_index = np.array([margin * limits.get(name, np.inf) for name in NAMES])
-    remaining = without_gravity(targets_by_index, any_unit.solve_context().site.relative_gravity_sigma)
-    targets = {name: float(sigma) for name, sigma in zip(NAMES, remaining, strict=True) if np.isfinite(sigma)}
+    targets, margin = getattr(schedule, "targets", {}), getattr(schedule, "margin", 1.0)
+    gravity_sigma = any_unit.solve_context().site.relative_gravity_sigma
+    targets = targets_at_limits(targets, any_unit.sigma_limits(), margin, gravity_sigma)
     return schedule.model_copy(update={"targets": targets})
+
+
+def targets_at_limits(
+    targets: Mapping[str, float], limits: Mapping[str, float], margin: float, gravity_sigma: float
+) -> dict[str, float]:
+    """Return the targets, and the limits less the gravity error for the parameters without a target.
+
+    Parameters
+    ----------
+    targets : target sigmas of parameters and groups, SI
+    limits : sigma limits of parameters, SI
+    margin : fraction of its limit that every sigma must reach
+    gravity_sigma : relative standard deviation of gravity
+    """
+    named = {i for name in targets for i in parameter_indices(name)}
+    reachable = without_gravity(np.array([margin * limits.get(name, np.inf) for name in NAMES]), gravity_sigma)
+    others = {NAMES[i]: float(s) for i, s in enumerate(reachable) if np.isfinite(s) and i not in named}
+    return {**targets, **others}
 
 
 def unit_files(station: StationConfig, product: Path | None) -> tuple[Path, ProductConfig, Path]:

@@ -6,19 +6,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 
 from calstation.config import library, versions
 from calstation.config.editing import edit_toml, read_text
 from calstation.config.forms import FieldSpec, field_spec
-from calstation.config.product import in_file, unknown_targets
+from calstation.config.product import in_file, schedule_values, unknown_targets
 from calstation.config.request import Confirmation, RunRequest
-from calstation.config.run_configuration import RunConfiguration, load_configuration
+from calstation.config.run_configuration import RunConfiguration, load_configuration, targets_at_limits
 from calstation.config.versions import Version
 from calstation.estimation.common import SolveContext
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text
 from calstation.parsing import parse_toml
-from calstation.physics import TableGeometry, group_of
+from calstation.physics import INDEX, TableGeometry, group_of
 from calstation.schema import EntryError, Problem, problems_of
 from procedures import DEFAULT_STAGES, method
 
@@ -34,7 +35,8 @@ class ScheduleOptions:
     by_hand: bool  #: Whether the table is turned manually.
     stages: tuple[str, ...]  #: Stages of the product, in order.
     offered: tuple[str, ...]  #: Stages of the product, followed by the other standard stages.
-    schedules: Mapping[str, Mapping[str, Any]]  #: Complete values of every offered stage.
+    #: Complete values of every offered stage, without the targets that follow from the product's limits.
+    schedules: Mapping[str, Mapping[str, Any]]
     estimates: Mapping[str, tuple[str, ...]]  #: Parameters that each offered stage estimates.
     rate: float  #: Maximum rate of both joints, °/s.
     acceleration: float  #: Maximum acceleration of both joints, °/s².
@@ -47,6 +49,8 @@ class ScheduleOptions:
     over_temperature: bool = False  #: Whether the product is calibrated over temperature.
     #: Smallest sigma limit of each parameter group, SI, by the last stage of the product that estimates it.
     sigma_limits: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    stop_limits: Mapping[str, float] = field(default_factory=dict)  #: Sigma limits of the product's parameters, SI.
+    gravity_sigma: float = 0.0  #: Relative standard deviation of gravity at the station.
     writes: bool = False  #: Whether a run writes the registers of a unit that passes.
     unjudged: tuple[str, ...] = ()  #: Entries of the product's limits that none of its stages can judge.
     checksums: tuple[str, ...] = ()  #: SHA-256 of the files of the station and the product.
@@ -60,7 +64,7 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
         offered = tuple(s for s in known if method(s).on_gimbal)
     else:
         offered = tuple(s for s in known if not setup.table.by_hand or "manual" in method(s).schedule.model_fields)
-    complete = load_configuration(RunRequest("offer", station, product, offered))
+    load_configuration(RunRequest("offer", station, product, offered))  # which checks the schedules of all stages
     geometry = setup.table.geometry()
     context = setup.solve_context()
     estimates = {stage: method(stage).estimates(context) for stage in offered}
@@ -72,9 +76,11 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
         by_hand=setup.table.by_hand,
         stages=setup.stages,
         offered=offered,
-        schedules={stage: s.model_dump(mode="json") for stage, s in complete.schedules.items()},
+        schedules={stage: _complete_values(setup, stage) for stage in offered},
         estimates=estimates,
         sigma_limits=_group_limits(setup, context),
+        stop_limits=setup.sigma_limits(context),
+        gravity_sigma=context.site.relative_gravity_sigma,
         rate=float(np.rad2deg(min(geometry.limits.rate))),
         acceleration=float(np.rad2deg(min(geometry.limits.acceleration))),
         serial_pattern=setup.product.serial_pattern,
@@ -88,6 +94,11 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
         unjudged=setup.unjudged_limits,
         checksums=tuple(source.section.sha256 for source in setup.sources.values()),
     )
+
+
+def _complete_values(setup: RunConfiguration, stage: str) -> dict[str, Any]:
+    schedule: BaseModel = method(stage).schedule.model_validate(schedule_values(setup.product, stage, {}))
+    return schedule.model_dump(mode="json")
 
 
 def _group_limits(setup: RunConfiguration, context: SolveContext) -> dict[str, dict[str, float]]:
@@ -104,6 +115,22 @@ def schedule_fields(stage: str) -> tuple[FieldSpec, ...]:
     """Return the fields of a stage's schedule, in the order of its method."""
     specs = (field_spec(name, info) for name, info in method(stage).schedule.model_fields.items())
     return tuple(replace(spec, kind="targets") if spec.name == "targets" else spec for spec in specs)
+
+
+def implied_targets(values: Mapping[str, Any], options: ScheduleOptions) -> dict[str, float]:
+    """Return the smallest target of each parameter group, SI, that a stage has although none is set for the group.
+
+    Such targets are those of single parameters, and the limits at which a stage ends.
+    """
+    given, margin = values.get("targets") or {}, values.get("margin")
+    targets = {name: sigma for name, sigma in given.items() if isinstance(sigma, int | float)}
+    if values.get("stop_at_limits") and isinstance(margin, int | float):
+        targets = targets_at_limits(targets, options.stop_limits, margin, options.gravity_sigma)
+    implied: dict[str, float] = {}
+    for name, sigma in targets.items():
+        if name in INDEX and (group := group_of(name)) not in given:
+            implied[group] = min(sigma, implied.get(group, sigma))
+    return implied
 
 
 def schedule_problems(stage: str, values: Mapping[str, Any], options: ScheduleOptions) -> list[Problem]:

@@ -27,7 +27,7 @@ from PySide6.QtWidgets import (
 )
 from pytestqt.qtbot import QtBot
 
-from calstation.config import RunRequest, access, library, versions
+from calstation.config import RunRequest, access, library, load_configuration, versions
 from calstation.gui.engineer import EngineerPage
 from calstation.gui.engineer.observability_view import HeatMap
 from calstation.gui.engineer.preview import PreviewView
@@ -403,6 +403,53 @@ def test_target_below_one_in_an_empty_field_does_not_prevent_a_run(engineer: Eng
     assert app.schedule is not None
     assert app.schedule["excitation"]["targets"] == pytest.approx({"gyro_bias": 0.02 * DEGREE_PER_HOUR})
     app.set_language("en")
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_empty_target_shows_the_limit_at_which_a_designed_stage_ends_until_it_is_replaced(
+    engineer: Engineer, code: str
+) -> None:
+    moves = {"moves": [[0.0, 0.0, 5.0], [90.0, 90.0, 5.0]], "margin": 0.5}
+    engineer.site_folder.write({"stages": ["designed"], "schedule": {"designed": moves}})
+    app = engineer.window.app
+    app.product_changed.emit()
+    app.set_language(code)
+    engineer.unlock()
+    engineer.page.choice.selector.select("designed")
+    edit = engineer.widget("schedule_designed_targets_gyro_bias", QLineEdit)
+    assert (edit.text(), edit.placeholderText()) == ("", f"{0.5e-5 / DEGREE_PER_HOUR:.3g}")
+    engineer.type("schedule_designed_margin", "0.25")
+    assert edit.placeholderText() == f"{0.25e-5 / DEGREE_PER_HOUR:.3g}"
+    engineer.press("reset_schedule_button")
+
+    engineer.type("schedule_designed_targets_gyro_bias", "1.5")
+    typed = {"gyro_bias": pytest.approx(1.5 * DEGREE_PER_HOUR)}
+    assert edit.placeholderText() == ""
+    assert app.schedule is not None
+    assert app.schedule["designed"]["targets"] == typed
+    targets = load_configuration(engineer.page._request()).schedules["designed"].targets
+    assert targets == {**typed, **{f"gyro_scale_{axis}": 0.5e-3 for axis in "xyz"}, **targets}
+    assert not any(name.startswith("gyro_bias_") for name in targets)
+    engineer.type("schedule_designed_targets_gyro_bias", "")
+    assert app.schedule is None
+    app.set_language("en")
+
+
+def test_typed_target_replaces_those_of_single_parameters(engineer: Engineer) -> None:
+    targets = {"gyro_bias_x": 2e-6, "gyro_bias_y": 1e-6, "accel_bias": 1e-3}
+    excitation = {**PRODUCT["schedule"]["excitation"], "targets": targets}
+    engineer.site_folder.write({"schedule": {**PRODUCT["schedule"], "excitation": excitation}})
+    app = engineer.window.app
+    app.product_changed.emit()
+    engineer.unlock()
+    engineer.page.choice.selector.select("excitation")
+    edit = engineer.widget("schedule_excitation_targets_gyro_bias", QLineEdit)
+    assert edit.placeholderText() == f"{1e-6 / DEGREE_PER_HOUR:.3g}"
+    engineer.type("schedule_excitation_targets_gyro_bias", "1")
+    assert app.schedule is not None
+    assert app.schedule["excitation"]["targets"].keys() == {"gyro_bias", "accel_bias"}
+    engineer.type("schedule_excitation_targets_gyro_bias", "")
+    assert app.schedule is None
 
 
 @pytest.mark.long

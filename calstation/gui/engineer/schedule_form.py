@@ -6,7 +6,7 @@ from typing import Any
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QWidget
 
-from calstation.config import FieldSpec, ScheduleOptions, schedule_fields, schedule_problems
+from calstation.config import FieldSpec, ScheduleOptions, implied_targets, schedule_fields, schedule_problems
 from calstation.gui.text import Words, bind, say, schedule_text, term
 from calstation.gui.widgets import (
     Editor,
@@ -21,7 +21,7 @@ from calstation.gui.widgets import (
     typed_number,
 )
 from calstation.messages import known
-from calstation.physics import DISPLAY, limit_number
+from calstation.physics import DISPLAY, group_of, limit_number
 from calstation.schema import KeyPath, Problem
 
 #: Suffix of the message code ``schedule.wrong_...`` for each pydantic error type; the default is ``number``.
@@ -49,13 +49,11 @@ class ScheduleForm(QWidget):
             options.schedules[stage], lambda values: schedule_problems(stage, values, options)
         )
         groups = dict.fromkeys(name.rpartition("_")[0] for name in options.estimates[stage])
-        limits = options.sigma_limits.get(stage, {})
         rows: list[QWidget] = []
         for spec in schedule_fields(stage):
             if spec.kind == "targets":
                 rows.append(label(f"schedule.{spec.name}"))
-                shown = [group for group in groups if group in DISPLAY]
-                rows += [_target_field(source, stage, spec, group, limits.get(group)) for group in shown]
+                rows += [_TargetField(source, stage, spec, group, options) for group in groups if group in DISPLAY]
             elif spec.kind in ("number", "count", "flag", "choice"):  # other kinds can be set only in the product file
                 words = partial(schedule_text, spec.name)
                 rows.append(_Field(source, stage, spec, (spec.name,), _make_editor(spec), words, spec.unit))
@@ -150,22 +148,41 @@ class _Field(FormField):
         return say(f"schedule.wrong_{kind}", range=_range(self._spec) or ("1" if kind == "whole" else "0.1"))
 
 
-def _target_field(source: FormValues, stage: str, spec: FieldSpec, group: str, limit: float | None) -> _Field:
-    """Create the field for the target sigma of a parameter group, in its display unit; it warns above the limit."""
-    unit, size = DISPLAY[group]
-    words = partial(term, "group", group)
-    field = _Field(source, stage, spec, (spec.name, group), NumberEdit(size, _number), words, unit)
+class _TargetField(_Field):
+    """The field for the target sigma of a parameter group in its display unit; it warns above the product's limit.
 
-    def warning() -> str:
-        value = source.value((spec.name, group))
+    While it is empty, it shows the target that nevertheless applies, which a typed one replaces.
+    """
+
+    def __init__(self, source: FormValues, stage: str, spec: FieldSpec, group: str, options: ScheduleOptions) -> None:
+        self._unit, self._size = DISPLAY[group]
+        self._limit = options.sigma_limits.get(stage, {}).get(group)
+        self._options = options
+        #: Targets of single parameters of the group in the product.
+        self._single = {n: s for n, s in source.stored[spec.name].items() if n != group and group_of(n) == group}
+        words = partial(term, "group", group)
+        self._edit = NumberEdit(self._size, _number)
+        super().__init__(source, stage, spec, (spec.name, group), self._edit, words, self._unit)
+        self.warning = self._above_limit
+        bind(self._edit.setAccessibleName, lambda: say("common.named", name=term("schedule", spec.name), text=words()))
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show the value, its problem, and the target that applies without a value."""
+        super().refresh()
+        implied = implied_targets(self._source.values, self._options).get(str(self._key_path[-1]))
+        self._edit.setPlaceholderText("" if implied is None else f"{implied / self._size:.3g}")
+
+    def changes(self, value: Any) -> dict[KeyPath, Any]:
+        """Return the target, which replaces those of single parameters, or these again without a target."""
+        changes: dict[KeyPath, Any] = {self._key_path: value}
+        return changes | {(self._key_path[0], n): s if value is None else None for n, s in self._single.items()}
+
+    def _above_limit(self) -> str:
+        value, limit = self._source.value(self._key_path), self._limit
         if limit is None or not isinstance(value, float | int) or value <= limit * (1.0 + 1e-9):
             return ""
-        return say("schedule.above_limit", limit=limit_number(limit, size), unit=unit)
-
-    field.warning = warning
-    field.refresh()
-    bind(field.editor.setAccessibleName, lambda: say("common.named", name=term("schedule", spec.name), text=words()))
-    return field
+        return say("schedule.above_limit", limit=limit_number(limit, self._size), unit=self._unit)
 
 
 def _make_editor(spec: FieldSpec) -> Editor:

@@ -145,9 +145,13 @@ class FormField(QWidget):
         """Return the text of a problem with this field."""
         return problem_text(problem)
 
+    def changes(self, value: Any) -> dict[KeyPath, Any]:
+        """Return the changes of the form that a typed value makes."""
+        return {self._key_path: value}
+
     def _typed(self) -> None:
         self._typing = True
-        self._source.set({self._key_path: self.editor.value()})
+        self._source.set(self.changes(self.editor.value()))
         self._typing = False
 
     def _shows(self, key_path: KeyPath) -> bool:
