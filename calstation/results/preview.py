@@ -90,6 +90,7 @@ class StagePreview:
     error: Text | None = None  #: Reason why `sigma` was not computed.
     predictable: bool = True  #: Whether `sigma` can be predicted; if not, the run can nevertheless be solved.
     observability: Mapping[str, Any] = field(default_factory=dict)
+    missed: tuple[str, ...] = ()  #: Parameters whose sigma at its end is above their target.
 
 
 @dataclass(frozen=True)
@@ -249,7 +250,10 @@ class _Previewer:
             solution = self._chain.finish()
         except (InsufficientDataError, InputError) as unusable:
             return replace(stage, error=unusable.as_text)
-        return replace(stage, sigma=solution.posterior.sigma, observability=solution.observability)
+        sigma, targets = solution.posterior.sigma, {} if reason == "targets" else plan.rule.targets
+        missed = {NAMES[i] for name, target in targets.items() for i in parameter_indices(name) if sigma[i] > target}
+        in_order = tuple(name for name in NAMES if name in missed)
+        return replace(stage, sigma=sigma, observability=solution.observability, missed=in_order)
 
     def _reason(self, plan: StagePlan, rounds: int, elapsed: float, solve: bool) -> str | None:
         """Return why a repeated plan ends after this round, or None if it continues."""

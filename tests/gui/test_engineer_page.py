@@ -510,6 +510,29 @@ def test_preview_states_the_end_condition_of_a_repeated_stage(engineer: Engineer
         assert ends in engineer.widget("preview_ends", QLabel).text()
 
 
+@pytest.mark.parametrize(
+    ("code", "missed", "reached", "said"),
+    [
+        ("en", "target missed", "reached", "Excitation: does not reach its target sigmas."),
+        ("zh_CN", "达不到目标", "可达到", "达不到目标标准差"),
+    ],
+)
+def test_preview_does_not_call_a_parameter_reached_that_misses_its_target(
+    engineer: Engineer, code: str, missed: str, reached: str, said: str
+) -> None:
+    engineer.unlock()
+    engineer.page.choice.selector.select("excitation")
+    engineer.window.app.set_language(code)
+    for target, verdict, state in (("0.001", missed, "caution"), ("100", reached, "good")):
+        engineer.type("schedule_excitation_rounds", "1")
+        engineer.type("schedule_excitation_targets_gyro_scale", target)
+        engineer.preview()
+        cells = engineer.page.preview.findChild(CellTable, "preview_table").cells["gyro_scale_z"]
+        assert (cells["verdict"], cells["state"]) == (verdict, state)
+        assert (said in engineer.widget("preview_ends", QLabel).text()) == (verdict == missed)
+    engineer.window.app.set_language("en")
+
+
 @pytest.mark.exhaustive
 def test_changed_schedule_is_stored_in_the_log_and_its_hash(engineer: Engineer) -> None:
     engineer.unlock()

@@ -204,12 +204,10 @@ def _problem_texts(preview: Preview) -> list[str]:
 
 
 def _end_texts(preview: Preview) -> list[str]:
-    """Return what ends every repeated stage, and why sigmas cannot be predicted."""
-    ends = [
-        say(f"engineer.ends_{stage.reason}", stage=stage.stage, rounds=stage.rounds)
-        for stage in preview.stages
-        if stage.reason not in ("", "plan")
-    ]
+    """Return what ends every repeated stage, also before it reaches its targets, and why sigmas cannot be predicted."""
+    repeated = [stage for stage in preview.stages if stage.reason not in ("", "plan")]
+    ends = [say(f"engineer.ends_{stage.reason}", stage=stage.stage, rounds=stage.rounds) for stage in repeated]
+    ends += [say("engineer.ends_before_targets", stage=stage.stage) for stage in repeated if stage.missed]
     return ends + [_error_text(s.stage, s.error) for s in preview.stages if s.error and not s.predictable]
 
 
@@ -242,15 +240,18 @@ def _cells(preview: Preview, name: str) -> dict[str, str]:
     verdict = "unknown" if name in preview.limits else "no_limit"
     if reached is not None:
         verdict = "reached" if reached else "missed"
+    state = {None: "", True: "good", False: "bad"}[reached]
     if name in preview.undetermined:
-        verdict, reached = "undetermined", False
+        verdict, state = "undetermined", "bad"
+    elif reached is not False and any(name in stage.missed for stage in preview.stages):
+        verdict, state = "target_missed", "caution"
     cells = {
         "unit": display(name, 0.0)[1],
         "before": _sigma_text(name, float(preview.before[INDEX[name]])),
         "limit": "" if name not in preview.limits else _limit_text(preview, name),
         "target": _sigma_text(name, preview.targets.get(name)),
         "verdict": say(f"engineer.expected_{verdict}"),
-        "state": {None: "", True: "good", False: "bad"}[reached],
+        "state": state,
     }
     for number, stage in enumerate(preview.stages):
         sigma = "—" if stage.sigma is None else _sigma_text(name, float(stage.sigma[INDEX[name]]))
