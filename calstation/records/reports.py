@@ -35,6 +35,7 @@ class IssuedReport:
     #: Names of the persons who issued it and confirmed their identity with their own PIN.
     authorised: tuple[str, ...] = ()
     trail: TrailHead | None = None  #: Head of the audit trail before the issue, as stated in the report.
+    rewritten: str | None = None  #: Time at which the registers were written again after the run, ISO 8601.
 
     @property
     def identification(self) -> str:

@@ -10,7 +10,7 @@ interrupted transfers belong to the unit. The journals of virtual units are in t
 import hashlib
 import json
 import secrets
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -180,6 +180,11 @@ def history(folder: Path, serial: str) -> list[Transfer]:
             transfers[line.id].closing = str(line.closing)
     # On a case-insensitive file system, two serial numbers may share a file.
     return [transfer for transfer in transfers.values() if transfer.serial == serial]
+
+
+def in_unit(transfers: Sequence[Transfer]) -> Transfer | None:
+    """Return the latest transfer whose new values are in the unit or may be; None if it was reverted or never began."""
+    return next((each for each in reversed(transfers) if each.steps and each.closing in (None, Closing.DONE)), None)
 
 
 def interrupted(folder: Path, serial: str) -> Transfer | None:

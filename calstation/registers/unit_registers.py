@@ -56,13 +56,12 @@ class UnitRegisters:
 
 @dataclass(frozen=True)
 class TargetRegisters:
-    """The registers that a result requires, those that its run replaced, and those that its run wrote and verified."""
+    """The registers that a result requires, those that its run replaced, and those that its run wrote."""
 
     serial: str
     registers: tuple[Register, ...]
     before: tuple[Register, ...] = ()
     written: tuple[Register, ...] = ()
-    written_utc: str = ""  #: Empty if none were written.
 
     @property
     def values(self) -> dict[str, float]:
@@ -114,7 +113,7 @@ def target_registers(progress: ProgressCallback, request: RunRequest, result: Re
     if over is not None and (setup.after_registers or not over.fits(entries.parameters)):
         raise InputError("transfer.result_over_temperature", profile=profile)
     registers = result.registers or Registers()
-    written = registers.new if registers.verified else None
+    written = registers.new
     if setup.after_registers and not written:
         log = Path(result.log.file)
         if not log.is_file():
@@ -132,7 +131,6 @@ def target_registers(progress: ProgressCallback, request: RunRequest, result: Re
         _rows(entries, {name: values[name] for name in known if name in values}),
         _rows(entries, registers.old),
         _rows(entries, written or {}),
-        (registers.written_utc or "") if written else "",
     )
 
 

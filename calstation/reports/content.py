@@ -78,6 +78,7 @@ class Certificate:
     #: Names of the persons who issued the certificate and confirmed their identity with their own PINs.
     authorised: tuple[str, ...] = ()
     trail: TrailHead | None = None  #: Head of the audit trail of the site before the issue.
+    rewritten: str | None = None  #: Time at which the registers were written again after the run, ISO 8601.
 
     @property
     def identification(self) -> str:

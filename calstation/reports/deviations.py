@@ -25,6 +25,8 @@ def deviations(certificate: Certificate, analysis: Analysis) -> Iterator[Text]:
     if certificate.meta.is_simulated:
         yield Text("certificate.d_simulated")
     yield from _end_deviations(result)
+    if certificate.rewritten is not None:
+        yield Text.of("certificate.d_rewritten", time=certificate.rewritten[:16].replace("T", " "))
     yield from _value_deviations(certificate)
     yield from _data_deviations(result, analysis)
     yield from _traceability_gaps(certificate, analysis.identified.get("table_serial", ""))

@@ -40,6 +40,7 @@ from calstation.records import (
     site_events,
     verify_trail,
 )
+from calstation.registers import run_registers
 from calstation.reports.analysis import analyse
 from calstation.reports.content import Certificate, build_certificate, certificate_number, earliest_issue, performed
 from calstation.reports.dcc import write_dcc
@@ -138,8 +139,8 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
     """Job: record the issue of a report in the audit trail and next to the log, then write the report.
 
     Returns the certificate and its PDF. In one language, the same result yields identical bytes, unless they are
-    signed. An issued certificate keeps its number, revision and date; a different result, date or reason requires a
-    revision. Raises InputError or ConfigurationError.
+    signed. An issued certificate keeps its number, revision, date and statement of a later write of the registers; a
+    different result, date or reason requires a revision. Raises InputError or ConfigurationError.
     """
     signer = None if request.signing is None else load_signer(request.signing)
     result, log = load_source(lambda done, *_, note="": report(_READ * done, note=note), request.source)
@@ -147,7 +148,10 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
     confirmation = Confirmation("")
     if record is not None:
         record = replace(record, trail=intact_trail(site_folder(), log.path.absolute().parent).head)
-        certificate = replace(certificate, trail=record.trail)
+        registers = run_registers(result, log.path.absolute().parent)
+        later = None if registers is None else registers.later
+        record = replace(record, rewritten=None if later is None else later.utc)
+        certificate = replace(certificate, trail=record.trail, rewritten=record.rewritten)
         confirmation, names = _confirm_issue(log.meta, request)
         record, certificate = replace(record, authorised=names), replace(certificate, authorised=names)
     share = _ANALYSED - _READ
@@ -353,6 +357,7 @@ def _with_record(certificate: Certificate, record: IssuedReport, records: list[I
         received=None if record.received is None else date.fromisoformat(record.received),
         authorised=record.authorised,
         trail=record.trail,
+        rewritten=record.rewritten,
     )
 
 

@@ -267,6 +267,11 @@ class FinishedRun:
     step_labels: Mapping[int, tuple[str | float, ...]] = field(default_factory=dict)
     previous_utc: str = ""  #: Start of the latest run in `previous`, ISO 8601; "" if none is.
 
+    @property
+    def runs(self) -> Path:
+        """Folder of the log, also if the log is missing."""
+        return (self.log or Path(self.result.log.file)).parent
+
 
 def find_log(result: Result, path: Path) -> Path | None:
     """Return the log of a result file, at its original path or next to the result; None if it is missing."""

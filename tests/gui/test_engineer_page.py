@@ -28,6 +28,7 @@ from PySide6.QtWidgets import (
 from pytestqt.qtbot import QtBot
 
 from calstation.config import RunRequest, access, library, load_configuration, versions
+from calstation.devices.imu import Closing, Step
 from calstation.gui.engineer import EngineerPage
 from calstation.gui.engineer.observability_view import HeatMap
 from calstation.gui.engineer.preview import PreviewView
@@ -1101,6 +1102,17 @@ def test_stop_ends_the_verification_motion_after_a_write(engineer: Engineer) -> 
     engineer.until_ended()
     assert (engineer.run.state, engineer.run.stage) == ("idle", None)
     assert register_journal.interrupted(engineer.site_folder.runs, SERIAL) is not None
+    engineer.press("read_registers_button")
+    engineer.until(lambda: "NOT verified" in engineer.says())
+    assert engineer.widget("write_registers_button", QPushButton).text() == "Verify or restore"
+    engineer.press("write_registers_button")
+    assert "Verify the new ones, or restore the old ones?" in engineer.says()
+    assert engineer.widget("restore_registers_button", QPushButton).isVisible()
+    engineer.press("confirm_at_rest_button")
+    engineer.until(lambda: "Verified at rest" in engineer.says())
+    engineer.until_ended()
+    assert register_journal.interrupted(engineer.site_folder.runs, SERIAL) is None
+    assert engineer.widget("write_registers_button", QPushButton).text() == "Write to the unit"
 
 
 @pytest.mark.long
@@ -1115,7 +1127,7 @@ def test_partial_run_shows_its_stages_and_when_registers_were_written(engineer: 
         "unobservable": [],
         "checks": [],
         "outcome": "passed",
-        "log": {"file": "gone.h5"},
+        "log": {"file": str(engineer.site_folder.runs / "gone.h5")},
         "registers": {
             "old": {"gyro_scale_x": 5e-4, "gyro_scale_y": 0.0},
             "new": {"gyro_scale_x": 5e-4, "gyro_scale_y": 1e-4},
@@ -1134,7 +1146,66 @@ def test_partial_run_shows_its_stages_and_when_registers_were_written(engineer: 
     assert (rows["gyro_scale_x"]["In the unit"], rows["gyro_scale_x"]["New"]) == ("500.0000", "500.0000")
     assert (rows["gyro_scale_y"]["In the unit"], rows["gyro_scale_y"]["Change"]) == ("100.0000", "0")
     engineer.show_view(5)
-    assert "as written and read back by the run, 2026-11-21" in engineer.says()
+    assert "By the run: registers written 2026-11-21" in engineer.says()
+    assert "written by the run" in engineer.says()
+    record_transfer(engineer, "run", "gone.h5", result["registers"]["new"])
+    record_transfer(engineer, "hand", "older.h5", {"gyro_scale_x": 0.0, "gyro_scale_y": 0.0})
+    engineer.page.analysis.open(path)
+    engineer.until(lambda: "no longer in the unit" in engineer.says())
+    assert "written again 20" in engineer.says()
+    assert "In the unit" not in engineer.cells("register_table")["gyro_scale_x"]
+    engineer.show_view(1)
+    assert "written again 20" in engineer.says()
+
+
+def record_transfer(
+    engineer: Engineer, why: str, source: str, new: Mapping[str, float], closing: Closing | None = Closing.DONE
+) -> None:
+    """Record a transfer to the unit in its journal; None leaves it open."""
+    purpose = register_journal.Purpose("wang", why, source)
+    made = register_journal.begin(engineer.site_folder.runs, SERIAL, {}, new, purpose)
+    made.note(Step.COMMITTING)
+    if closing is not None:
+        made.close(closing)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("code", "stated"), [("en", "registers written, NOT verified"), ("zh_CN", "尚未验证")])
+def test_registers_left_unverified_by_a_stop_are_stated_until_they_are_verified(
+    engineer: Engineer, code: str, stated: str
+) -> None:
+    row = {"value": 1e-4, "sigma": 1e-6, "unit": "1", "stage": "rate"}
+    values = {"old": {"gyro_scale_x": 0.0}, "new": {"gyro_scale_x": 1e-4}}
+    log = str(engineer.site_folder.runs / "stopped.h5")
+    run = finished_run({"gyro_scale_x": row}, outcome="stopped", log={"file": log}, registers=values)
+    record_transfer(engineer, "run", "stopped.h5", values["new"], None)
+    path = engineer.site_folder.folder / "x.json"
+    path.write_text(json.dumps(run.result.to_json()), encoding="utf-8")
+    language.use(code)
+    engineer.page.analysis.open(path)
+    engineer.until(lambda: bool(engineer.cells("register_table")))
+    assert stated in engineer.says()
+    engineer.show_view(5)
+    assert stated in engineer.says()
+    assert say("engineer.state_unverified") in engineer.says()
+    assert say("engineer.old") in engineer.cells("register_table")["gyro_scale_x"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("why", "question"),
+    [
+        ("run", "Unit SN-000042 contains the registers of a later run, 20"),
+        ("hand", "The registers of unit SN-000042 were written after this run, 20"),
+    ],
+)
+def test_question_says_that_older_registers_would_replace_later_ones(
+    engineer: Engineer, why: str, question: str
+) -> None:
+    record_transfer(engineer, why, "later.h5", {"gyro_bias_x": 2e-6})
+    ask_to_write(engineer, of={"started_utc": "2020-01-02T03:04:05+00:00"})
+    assert question in engineer.says()
+    assert "Write 1 register of unit SN-000042?" in engineer.says()
 
 
 @pytest.mark.long

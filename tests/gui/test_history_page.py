@@ -483,3 +483,17 @@ def test_start_time_is_local_with_the_time_zone_in_the_tooltip(
     local = (NOW - timedelta(hours=2)).astimezone()
     (cell,) = [cell for cell in cells if cell.data() == f"{local:%Y-%m-%d %H:%M}"]
     assert cell.data(Qt.ItemDataRole.ToolTipRole) == f"{local:%Y-%m-%d %H:%M:%S} UTC{local.isoformat()[-6:]}"
+
+
+@pytest.mark.parametrize(("code", "stated"), [("en", "Registers written, NOT verified"), ("zh_CN", "尚未验证")])
+def test_details_say_that_written_registers_are_not_verified(
+    page: HistoryPage, folder: Path, qtbot: QtBot, code: str, stated: str
+) -> None:
+    registers = {"old": {"gyro_bias_x": 0.0}, "new": {"gyro_bias_x": 1e-6}}
+    write_run(folder, "SN-000001", "stopped", timedelta(hours=1), stop_reason="operator", registers=registers)
+    language.use(code)
+    listed_runs(page, qtbot)
+    select_row(page, 0, qtbot)
+    reason = page.findChild(QLabel, "history_reason_label")
+    assert reason is not None
+    qtbot.waitUntil(lambda: stated in reason.text(), timeout=WAIT)

@@ -1,6 +1,7 @@
 """The register journal is on disk before a call returns, and is used only if it reads back undamaged."""
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,8 +12,10 @@ from hypothesis import strategies as st
 from calstation.config import load_configuration
 from calstation.devices.imu import Closing, Step
 from calstation.errors import ConfigurationError
+from calstation.messages import sentence
 from calstation.records import ChainedFile
-from calstation.registers import journal
+from calstation.registers import journal, run_registers
+from calstation.results import SCHEMA, Result
 from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
 
@@ -247,3 +250,53 @@ def test_damaged_line_after_an_incomplete_line_is_named_by_its_number(tmp_path: 
     with raises_code(ConfigurationError, "journal.damaged") as raised:
         journal.history(tmp_path, "SN-1")
     assert raised.value.values["line"] == 4
+
+
+def write(runs: Path, new: dict[str, float], source: str, closing: Closing | None = Closing.DONE) -> journal.Transfer:
+    """Record a complete transfer; one by hand unless it is of the run ``a.h5``."""
+    why = "run" if source == "a.h5" else "hand"
+    made = journal.begin(runs, "SN-1", {"gyro_bias_x": 0.0}, new, journal.Purpose("wang", why, source))
+    made.note(Step.COMMITTING)
+    if closing is not None:
+        made.close(closing)
+    return made
+
+
+def state(runs: Path, *, verified: bool = True) -> str:
+    """Return the statement about the registers of the run ``a.h5``, without times."""
+    written = {"verified": True, "written_utc": "2026-11-21T15:04:00+00:00"} if verified else {}
+    result = {
+        "schema": SCHEMA,
+        "unit": {"serial": "SN-1"},
+        "stages": [],
+        "parameters": {},
+        "outcome": "passed",
+        "log": {"file": "/gone/a.h5"},
+        "registers": {"new": {"gyro_bias_x": 1.0}, **written},
+    }
+    found = run_registers(Result.from_json(result), runs)
+    assert found is not None
+    return ", ".join(re.sub(r" \d{4}-.*", "", sentence(text)) for text in found.texts)
+
+
+def test_journal_says_whether_the_registers_of_a_run_are_still_in_the_unit(tmp_path: Path) -> None:
+    assert state(tmp_path) == "registers written", "without a journal, as the result states"
+    write(tmp_path, {"gyro_bias_x": 1.0}, "a.h5")
+    assert state(tmp_path) == "registers written"
+    write(tmp_path, {"gyro_bias_x": 2.0}, "b.h5", Closing.RESTORED)
+    journal.begin(tmp_path, "SN-1", OLD, NEW, journal.Purpose("wang", "hand", "c.h5")).close(Closing.KEPT)
+    assert state(tmp_path) == "registers written", "the later transfers were reverted"
+    write(tmp_path, {"gyro_bias_x": 2.0}, "b.h5")
+    assert state(tmp_path) == "registers written, written again"
+    write(tmp_path, {"gyro_bias_x": 1.0}, "a.h5 by hand")
+    assert state(tmp_path) == "registers written", "they are in the unit again"
+
+
+def test_registers_that_a_run_did_not_verify_are_stated_until_the_transfer_ends(tmp_path: Path) -> None:
+    assert state(tmp_path, verified=False) == "registers written, NOT verified"
+    made = write(tmp_path, {"gyro_bias_x": 1.0}, "a.h5", None)
+    assert state(tmp_path, verified=False) == "registers written, NOT verified"
+    made.close(Closing.DONE)
+    assert state(tmp_path, verified=False) == "registers written, verified after the run"
+    made.close(Closing.RESTORED)
+    assert state(tmp_path, verified=False) == "old registers restored after the run"

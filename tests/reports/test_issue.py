@@ -16,8 +16,10 @@ import tomli_w
 from calstation.cli.app import run_app
 from calstation.config import Person, access, load_configuration
 from calstation.config.library import shipped_folder
+from calstation.devices.imu import Closing, Step
 from calstation.messages import event_text, sentence
 from calstation.records import audit_path, open_log, read_audit, read_reports, report_file
+from calstation.registers import journal
 from calstation.reports import certificate_number, issue
 from calstation.reports.pdf import typeset
 from calstation.results import Result, override_result
@@ -439,3 +441,21 @@ def test_station_settings_request_reports_of_verdicts(
         *("report", str(Path("SN_1.json").absolute()), "-o", str(folder / "reports")),
         *("--language", "zh", "--by", "", "--templates", str(folder / "mine")),
     ]
+
+
+@pytest.mark.long
+def test_new_certificate_states_that_the_registers_were_written_again(gimbal: Made) -> None:
+    """A certificate that was issued before is printed again unchanged."""
+    first, again, revised = (gimbal.folder / f"{name}.pdf" for name in ("first", "again", "r1"))
+    assert report(gimbal.result_file, "-o", first) == 0
+    runs, serial = gimbal.result_file.parent, gimbal.certificate.result.serial
+    later = journal.begin(runs, serial, {}, {"gyro_bias_x": 1.0}, journal.Purpose("wang", "hand", "older.h5"))
+    later.note(Step.COMMITTING)
+    later.close(Closing.DONE)
+    assert report(gimbal.result_file, "-o", again) == 0
+    assert again.read_bytes() == first.read_bytes()
+    assert report(gimbal.result_file, "-o", revised, "--revise", "Unit was written again") == 0
+    time = later.utc[:16].replace("T", " ")
+    stated = f"The registers were written again on {time} UTC, after the calibration"
+    texts = [" ".join(page.extract_text() for page in pypdf.PdfReader(path).pages) for path in (first, revised)]
+    assert [stated in " ".join(text.split()) for text in texts] == [False, True]

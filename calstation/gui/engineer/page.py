@@ -213,6 +213,8 @@ class EngineerPage(Page):
             live = self._views.indexOf(self._live)
             self._tabs.setTabVisible(live, True)
             self._tabs.setCurrentIndex(live)
+        if not running:
+            self.analysis.refresh()
         if not running and self.app.engine_link.operation is None:
             self._header.serial_edit.clear()
             options = self._options

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QWidget
 
 from calstation.config import (
-    Confirmation,
     Person,
     ProductConfig,
     RegisterOperation,
@@ -22,7 +22,7 @@ from calstation.config import (
 from calstation.errors import CalstationError
 from calstation.gui.engineer.result_view import verdict_badge
 from calstation.gui.state import AppContext, PeoplePanel
-from calstation.gui.text import Words, fault_text, on_language_change, say, step_sentence
+from calstation.gui.text import Words, fault_text, language, on_language_change, say, step_sentence
 from calstation.gui.widgets import (
     Cell,
     CellTable,
@@ -38,10 +38,20 @@ from calstation.gui.widgets import (
     row,
     theme,
 )
-from calstation.messages import Text, event_text, local_time
+from calstation.messages import Text, event_text, joined
 from calstation.physics import display
-from calstation.registers import Register, TargetRegisters, UnitRegisters, read_unit, target_registers
-from calstation.results import FinishedRun
+from calstation.registers import (
+    Register,
+    RunRegisters,
+    TargetRegisters,
+    Transfer,
+    UnitRegisters,
+    read_unit,
+    run_registers,
+    target_registers,
+    unit_transfer,
+)
+from calstation.results import FinishedRun, Result
 from calstation.sequencer import Event, Fault, Message, Settled, StepStarted
 
 #: Placeholder in a request for a serial number that has not been entered.
@@ -70,6 +80,10 @@ class RegistersView(QWidget):
         #: Name of the station whose table moves for the verification of a write; "" for a manual rig.
         self.table = ""
         self._run: FinishedRun | None = None
+        #: Registers that the run wrote; None if it wrote none.
+        self._wrote: RunRegisters | None = None
+        #: Transfer that wrote the registers of the unit that was read or, before that, of the run; None if unknown.
+        self._latest: Transfer | None = None
         self._operation: RegisterOperation | None = None
         #: Latest event of the current write that is in `_INCOMPLETE`; "" if there is none.
         self._incomplete = ""
@@ -138,13 +152,21 @@ class RegistersView(QWidget):
             self._notice.dismiss()
             self._people.hide()
 
+    @property
+    def _interrupted(self) -> bool:
+        """Whether the transfer to the unit that was read was interrupted and must be finished or reverted first."""
+        return self.unit is not None and self._latest is not None and self._latest.closing is None
+
     def why_not_write(self) -> str:
         """Return the reason why the registers cannot be written yet, or "" if they can be written."""
+        entered = self._request().serial
+        if self.unit is not None and self._interrupted and entered in (self.unit.serial, UNNAMED):
+            return ""
         if self.target is None:
             return say(self._why_no_target or "engineer.no_target")
         if self.unit is None:
             return say("engineer.no_unit")
-        wanted, entered = self.target.serial, self._request().serial
+        wanted = self.target.serial
         if self.unit.serial != wanted:
             return say("engineer.other_unit", found=self.unit.serial, wanted=wanted)
         if entered not in (wanted, UNNAMED):
@@ -175,8 +197,8 @@ class RegistersView(QWidget):
         self._refresh()
         self.changed.emit()
 
-    def _confirm(self, target: TargetRegisters, *, at_rest: bool) -> None:
-        """Write the registers, if the product requires it after the confirmation by two engineers."""
+    def _confirm(self, operation: RegisterOperation) -> None:
+        """Start an operation, if the product requires it after the confirmation by two engineers."""
         try:
             product, station = self._files()
         except CalstationError as error:
@@ -184,7 +206,7 @@ class RegistersView(QWidget):
             return
         needed = confirmation_required("registers", product, station)
         if not needed.second:
-            self._write(target, at_rest=at_rest)
+            self._start(operation)
             return
 
         def confirmed(reason: str, first: Person, second: Person | None) -> None:
@@ -195,27 +217,20 @@ class RegistersView(QWidget):
                 self._people.retry()
                 return
             self._people.hide()
-            self._write(target, people, at_rest=at_rest)
+            self._start(replace(operation, request=replace(operation.request, operator=people.by), people=people))
 
-        title = Text.of("engineer.two_engineers", serial=target.serial)
+        title = Text.of("engineer.two_engineers", serial=operation.request.serial)
         self._people.ask(title, needed, confirmed, by=self._app.badge or "", reason=False)
 
     def _files(self) -> tuple[ProductConfig, StationConfig]:
         request = self._request()
         return load_product(request.product)[1], load_station(request.station)[1]
 
-    def _write(self, target: TargetRegisters, people: Confirmation | None = None, *, at_rest: bool) -> None:
-        if self._run is None:
-            return
+    def _start(self, operation: RegisterOperation) -> None:
         if why_not := "engineer.device_busy" if self._app.job_queue.uses_device else self._app.run.why_not_start:
             self._show_error(why_not)
             return
-        result = self._run.result
-        request = replace(self._request(), serial=result.serial)
-        if people is not None:
-            request = replace(request, operator=people.by)
-        log = Path(result.log.file).name
-        self._operation = RegisterOperation(request, "write", dict(target.values), log, at_rest=at_rest, people=people)
+        self._operation = operation
         self._incomplete = self._error = ""
         self._show_progress("engineer.write_starting")
         self._app.engine_link.start(self._operation)
@@ -236,6 +251,7 @@ class RegistersView(QWidget):
 
     def _show_end(self, event: Settled | Fault) -> None:
         """Show the registers after a completed write, or why the write failed or stopped."""
+        self._look_up()
         if isinstance(event, Fault):
             self._show_error(lambda: fault_text(event).sentences)
         elif event.closing != "stopped":
@@ -282,11 +298,26 @@ class RegistersView(QWidget):
         self._refresh()
         self.changed.emit()
 
+    def _look_up(self) -> None:
+        """Read in the journal of the unit what became of the registers that the run wrote, and which are the latest."""
+        run, shown = self._run, self.unit or self.target
+        self._wrote = self._latest = None
+        try:
+            if run is not None:
+                self._wrote = run_registers(run.result, run.runs)
+            if shown is not None:
+                self._latest = unit_transfer(
+                    load_station(self._request().station)[1], self._app.runs_folder, shown.serial
+                )
+        except CalstationError as error:
+            self._error = error.as_text
+
     def _fill(self) -> None:
+        self._look_up()
         target = self.target
         old = self.unit.registers if self.unit is not None else ()
         if self.unit is None and target is not None:
-            old = target.written or target.before
+            old = target.written if self._written_remain else target.before
         self._old = {register.parameter: register for register in old}
         self._new = {} if target is None else {r.parameter: r for r in target.registers}
         names = sorted({**self._old, **self._new}, key=self._address)
@@ -316,13 +347,18 @@ class RegistersView(QWidget):
     def _address(self, name: str) -> int:
         return (self._old.get(name) or self._new[name]).address
 
+    @property
+    def _written_remain(self) -> bool:
+        """Whether the unit contains the registers that the run wrote, verified, according to its journal."""
+        return self._wrote is not None and self._wrote.verified and not self._wrote.replaced
+
     def _old_heading(self) -> str:
-        in_unit = self.unit is not None or (self.target is not None and bool(self.target.written))
+        in_unit = self.unit is not None or self._written_remain
         return say("engineer.in_unit" if in_unit else "engineer.old")
 
     def _before_run(self, name: str) -> str:
         """Return a tooltip with the value before the run that wrote the registers, or "" if the run wrote none."""
-        before = self.target.before if self.target is not None and self.target.written else ()
+        before = self.target.before if self.target is not None and self._wrote is not None else ()
         register = next((register for register in before if register.parameter == name), None)
         if register is None:
             return ""
@@ -330,35 +366,69 @@ class RegistersView(QWidget):
         return say("engineer.before_run", value=f"{value:.4f}", unit=unit)
 
     def _ask(self) -> None:
-        """Ask for confirmation of a write in a question that states the changes and any verdict other than PASS."""
+        """Ask for confirmation of a write in a question that states the changes and any verdict other than PASS.
+
+        If a transfer was interrupted, ask instead whether to finish or to revert it.
+        """
         target, unit, run = self.target, self.unit, self._run
+        if unit is not None and self._interrupted:
+            self._ask_interrupted(unit.serial)
+            return
         if target is None or unit is None or run is None:
             return
-        changes, table, count = self._changes(), self.table, len(target.registers)
+        result, log = run.result, Path(run.result.log.file).name
+        request = replace(self._request(), serial=result.serial)
+        write = RegisterOperation(request, "write", dict(target.values), log)
+        changes, count = self._changes(), len(target.registers)
         values = {"changes": len(changes), "addresses": self._addresses(changes), "commits": unit.commits + 1}
         values["engineer"] = self._request().operator or ""
 
         def text() -> str:
-            verification = say("engineer.verify_by_turns" if table else "engineer.verify_at_rest", table=table)
-            return f"{say('engineer.about_write', **values)}\n{verification}"
+            return f"{say('engineer.about_write', **values)}\n{self._about_verification()}"
 
-        def choice(name: str, words: Words, *, at_rest: bool) -> Choice:
-            return Choice(name, words, lambda: self._confirm(target, at_rest=at_rest))
-
-        choices = [Choice("cancel_write_button", "common.cancel", lambda: None, primary=True)]
-        confirm = "confirm_write_button"
-        if table:
-            choices.append(choice("confirm_at_rest_button", "engineer.write_at_rest", at_rest=True))
-            choices.append(choice(confirm, "engineer.write_and_turn", at_rest=False))
-        else:
-            choices.append(choice(confirm, Text.of("engineer.write_registers", count=count), at_rest=True))
-        passed = run.result.verdict == "passed"
+        choices = self._choices(write, "write", Text.of("engineer.write_registers", count=count))
+        passed = result.verdict == "passed"
+        later = self._later(result)
 
         def title() -> str:
             code = "engineer.ask_write" if passed else "engineer.ask_write_despite"
-            return say(code, count=count, serial=unit.serial, verdict=verdict_badge(run.result)[1])
+            question = say(code, count=count, serial=unit.serial, verdict=verdict_badge(result)[1])
+            return joined(say(later), question, language.current()) if later is not None else question
 
-        self._notice.ask("caution" if passed else verdict_badge(run.result)[0], title, text, choices)
+        self._notice.ask("caution" if passed else verdict_badge(result)[0], title, text, choices)
+
+    def _ask_interrupted(self, serial: str) -> None:
+        """Ask whether to finish an interrupted transfer and verify its registers, or to restore the old ones."""
+        request = replace(self._request(), serial=serial)
+        restore = RegisterOperation(request, "restore", at_rest=True)
+        choices = self._choices(RegisterOperation(request, "finish"), "finish", "engineer.finish")
+        revert = Choice("restore_registers_button", "engineer.restore", lambda: self._confirm(restore))
+        title = Text.of("engineer.ask_finish", serial=serial)
+        self._notice.ask("caution", title, self._about_verification, [choices[0], revert, *choices[1:]])
+
+    def _choices(self, operation: RegisterOperation, code: str, by_hand: Words) -> list[Choice]:
+        """Return the choices of a question: cancel, or start an operation, with and without motion of the table."""
+        at_rest = partial(self._confirm, replace(operation, at_rest=True))
+        cancel = Choice("cancel_write_button", "common.cancel", lambda: None, primary=True)
+        if not self.table:
+            return [cancel, Choice("confirm_write_button", by_hand, at_rest)]
+        turn = partial(self._confirm, operation)
+        return [
+            cancel,
+            Choice("confirm_at_rest_button", f"engineer.{code}_at_rest", at_rest),
+            Choice("confirm_write_button", f"engineer.{code}_and_turn", turn),
+        ]
+
+    def _about_verification(self) -> str:
+        return say("engineer.verify_by_turns" if self.table else "engineer.verify_at_rest", table=self.table)
+
+    def _later(self, result: Result) -> Text | None:
+        """Return that the registers of the unit are later than a result, or None if they are not."""
+        latest, started = self._latest, result.started_utc
+        if latest is None or not started or latest.utc < started or latest.source == Path(result.log.file).name:
+            return None
+        code = "engineer.later_run" if latest.why == "run" else "engineer.later_write"
+        return Text.of(code, serial=result.serial, time=latest.utc)
 
     def _addresses(self, names: list[str]) -> str:
         """Return the addresses of parameters as a list of ranges, such as ``3–5, 9``."""
@@ -383,6 +453,7 @@ class RegistersView(QWidget):
         self._about.setVisible(not busy)
         for widget in (self._read_button, self._write_button):
             widget.setVisible(not busy and not self._progress)
+        self._write_button.setText(say("engineer.finish_transfer" if self._interrupted else "engineer.write_unit"))
         kind, state = self._state()
         self._badge.setVisible(not busy and bool(state))
         if state:
@@ -399,8 +470,11 @@ class RegistersView(QWidget):
             return "bad", "failed"
         if self._verification:
             return "good", "verified"
-        if self.unit is None and self.target is not None and self.target.written:
-            return "good", "written"
+        wrote, written = self._wrote, self._wrote is not None and self.target is not None
+        if self._interrupted or (wrote is not None and written and not (wrote.verified or wrote.replaced)):
+            return "caution", "unverified"
+        if self.unit is None and wrote is not None and written:
+            return ("caution", "replaced") if wrote.replaced else ("good", "written")
         if self.unit is not None and self._new:
             return ("caution", "differ") if self._changes() else ("good", "equal")
         return "", ""
@@ -408,18 +482,14 @@ class RegistersView(QWidget):
     def _sentences(self) -> str:
         """Return what is known about the registers of the unit."""
         texts = [say(f"engineer.verified_{self._verification}")] if self._verification else []
-        unit, target = self.unit, self.target
+        if self._wrote is not None and self.target is not None:
+            texts.append(say("engineer.run_wrote", what=self._wrote.texts))
+        unit = self.unit
         if unit is not None:
             values = {"model": unit.model, "firmware": unit.firmware, "commits": unit.commits}
             texts.append(say("engineer.unit_read", serial=unit.serial, **values))
             if unit.virtual:
                 texts.append(say("engineer.unit_virtual"))
-        elif target is not None and target.written and target.written_utc:
-            texts.append(say("engineer.unit_written_at", time=local_time(target.written_utc)))
-        elif target is not None and target.written:
-            texts.append(say("engineer.unit_written"))
-        elif self._old:
-            texts.append(say("engineer.old_of_run"))
-        elif self._new:
-            texts.append(say("engineer.read_unit"))
+        elif self._new and not self._written_remain:
+            texts.append(say("engineer.old_of_run" if self._old else "engineer.read_unit"))
         return " ".join(texts)

@@ -151,6 +151,11 @@ class ResultAnalysis(QObject):
             lazy.show_empty()
         self.changed.emit()
 
+    def refresh(self) -> None:
+        """Show again the state of the registers that the displayed run wrote."""
+        if self._run is not None and self._run.result.parameters:
+            self.result.view.refresh()
+
     def source(self) -> str:
         """Return a line with the serial number, time and verdict of the displayed run."""
         if self.loading.busy and self._path is not None:

@@ -39,7 +39,6 @@ from calstation.physics import NAMES, display, further_parameter, limit_number, 
 from calstation.records import CheckKind
 from calstation.results import (
     FinishedRun,
-    Registers,
     Result,
     in_sigma,
 )
@@ -126,7 +125,7 @@ class ResultView(QWidget):
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )
-        on_language_change(self, self._refresh)
+        on_language_change(self, self.refresh)
 
     def show_run(self, finished: FinishedRun) -> None:
         """Show a finished run."""
@@ -137,9 +136,10 @@ class ResultView(QWidget):
         self._checks.setMaximumHeight(min(self._checks.height_of_rows(), _MAX_CHECKS_HEIGHT))
         self._checks.setVisible(bool(general))
         self.missing.show_result(finished.result if finished.log is not None else None)
-        self._refresh()
+        self.refresh()
 
-    def _refresh(self) -> None:
+    def refresh(self) -> None:
+        """Show the run again, whose registers may have been written again."""
         finished = self.finished
         if finished is None:
             return
@@ -169,8 +169,7 @@ class ResultView(QWidget):
             texts.append(say("engineer.near_misses", count=near))
         if result.conformity is not None:
             texts.append(say(f"engineer.rule_{result.conformity.rule}"))
-        if result.registers is not None and result.verified:
-            texts += _register_texts(result.registers)
+        texts += filter(None, [advice.register_state(result, finished.runs)])
         if result.states_added:
             names = [term("group", state) for state in result.states_added]
             texts.append(say("event.states_added", states=names))
@@ -243,15 +242,6 @@ def _conformity_hint(result: Result, name: str) -> str:
         risks = {"accept": decision.false_accept, "reject": decision.false_reject}
         texts.append(say("engineer.conformity_product", **risks))
     return "\n".join(texts)
-
-
-def _register_texts(registers: Registers) -> list[str]:
-    """Return whether and when the registers were written, and whether they were only read back."""
-    code = "engineer.registers_written_at" if registers.written_utc else "engineer.registers_written"
-    texts = [say(code, time=local_time(registers.written_utc or ""))]
-    if registers.proved_on == "read_back":
-        texts.append(say("engineer.registers_read_back"))
-    return texts
 
 
 def _verdict(checks: dict[str, Check]) -> str:

@@ -235,7 +235,8 @@ class RunDetails(QFrame):
         `absent` are the ranges of the attempt numbers of the unit of which no run is known, and `doubt` is what
         does not confirm the result.
         """
-        shown = run, result, tuple(unit_runs), tuple(absent), doubt
+        registers = "" if result is None else advice.register_state(result, run.log.parent)
+        shown = run, result, tuple(unit_runs), tuple(absent), doubt, registers
         if shown == self._shown:
             self.set_actions(actions)
             return
@@ -312,7 +313,9 @@ class RunDetails(QFrame):
             return
         doubt = "" if run.missing or run.unconfirmed else say(self._doubt or "")
         reason = "" if doubt and run.altered else self._reason(run)
-        texts = doubt, *advice.result_notes(self._result), reason, advice.figures_note(self._result)
+        registers = "" if self._result is None else advice.register_state(self._result, run.log.parent)
+        registers = registers[:1].upper() + registers[1:]
+        texts = doubt, *advice.result_notes(self._result), reason, registers, advice.figures_note(self._result)
         show_text(self.reason_label, "\n".join(filter(None, texts)))
         self._update_buttons(run)
 

@@ -3,7 +3,9 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
+from calstation.errors import CalstationError
 from calstation.gui.text import (
     about,
     check_name,
@@ -21,6 +23,7 @@ from calstation.gui.text import (
 from calstation.judgement import Check
 from calstation.messages import joined, local_time
 from calstation.physics import GROUPS, INDEX, PARAMETERS, display, number
+from calstation.registers import run_registers
 from calstation.results import Parameter, Result
 
 #: Maximum number of figures below the verdict on a small screen, without and with a long reason.
@@ -84,6 +87,18 @@ def result_notes(result: Result | None) -> list[str]:
         people = ", ".join(filter(None, (override.by, override.confirmed_by)))
         notes.append(say("advice.released_by", people=people, when=local_time(override.utc), why=override.why))
     return notes
+
+
+def register_state(result: Result, runs: Path) -> str:
+    """Return what a run wrote to the registers and what became of it, or "" if it wrote none.
+
+    `runs` is the folder of its log.
+    """
+    try:
+        state = run_registers(result, runs)
+    except CalstationError as error:
+        return say(error.as_text)
+    return "" if state is None else "  ·  ".join(map(say, state.texts))
 
 
 def next_action(outcome: str, result: Result | None) -> str:

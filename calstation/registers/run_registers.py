@@ -1,0 +1,97 @@
+"""Registers that a run wrote, and the latest ones in a unit, according to its journal."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from calstation.config import StationConfig, site_folder
+from calstation.devices.imu import Closing
+from calstation.messages import Text
+from calstation.registers import journal
+from calstation.registers.journal import Transfer, journal_folder
+from calstation.results import Registers, Result
+
+
+@dataclass(frozen=True)
+class RunRegisters:
+    """Registers that a run wrote to its unit.
+
+    transfer : transfer of the run; None if the journal does not contain it
+    later : latest transfer after it that wrote other values; None if there is none
+    """
+
+    registers: Registers
+    transfer: Transfer | None = None
+    later: Transfer | None = None
+
+    @property
+    def verified(self) -> bool:
+        """Whether the run, or a later start, has verified the output of the unit with these registers."""
+        return self.registers.verified or self._closing == Closing.DONE
+
+    @property
+    def replaced(self) -> bool:
+        """Whether the unit no longer contains these registers."""
+        return self.later is not None or self._restored
+
+    @property
+    def texts(self) -> list[Text]:
+        """Parts of a sentence that state when the registers were written, their verification and later writes."""
+        return list(self._texts())
+
+    def _texts(self) -> Iterator[Text]:
+        registers = self.registers
+        if registers.verified and registers.written_utc:
+            yield Text.of("registers.written_at", time=registers.written_utc)
+        elif self.verified:
+            yield Text("registers.written")
+        elif not self._restored:
+            yield Text("registers.unverified")
+        if registers.proved_on == "read_back":
+            yield Text("registers.read_back")
+        if self.verified and not registers.verified:
+            yield Text("registers.verified_later")
+        if self._restored:
+            yield Text("registers.restored")
+        if self.later is not None:
+            yield Text.of("registers.written_again", time=self.later.utc)
+
+    @property
+    def _restored(self) -> bool:
+        return self._closing in (Closing.KEPT, Closing.RESTORED)
+
+    @property
+    def _closing(self) -> str | None:
+        return None if self.transfer is None else self.transfer.closing
+
+
+def unit_transfer(station: StationConfig, runs: Path, serial: str) -> Transfer | None:
+    """Return the transfer that wrote the registers of a unit, which is open if it was interrupted, or None.
+
+    Raises ConfigurationError if the journal of the unit is damaged.
+    """
+    return journal.in_unit(journal.history(journal_folder(station, runs), serial))
+
+
+def run_registers(result: Result, runs: Path) -> RunRegisters | None:
+    """Return the registers that a run wrote, or None if it wrote none.
+
+    Raises ConfigurationError if the journal of the unit is damaged.
+
+    Parameters
+    ----------
+    result : result of the run
+    runs : folder of its log, in which a virtual bench keeps the journals of its units
+    """
+    registers = result.registers
+    if registers is None or registers.new is None:
+        return None
+    log = Path(result.log.file).name
+    for folder in (runs, site_folder()):
+        transfers = journal.history(folder, result.serial)
+        own = next((n for n, each in enumerate(transfers) if (each.why, each.source) == ("run", log)), None)
+        if own is not None:
+            latest = journal.in_unit(transfers[own + 1 :])
+            replaced = latest is not None and latest.new != transfers[own].new
+            return RunRegisters(registers, transfers[own], latest if replaced else None)
+    return RunRegisters(registers)
