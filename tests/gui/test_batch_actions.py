@@ -1,5 +1,6 @@
 """A batch keeps the places of its slots, and labels, certificates and new runs apply to several units at once."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,9 @@ from calstation.messages import Language, Text
 from calstation.records import Verdict
 from calstation.reports import IssueState, ReportRequest
 from calstation.sequencer import Fault, Message, StageSolved, StateChanged
+from tests.dead_logs import write_dead_log
 from tests.gui.conftest import Operator, result_with
-from tests.gui.test_units import FAILED, begin, click, end_unit, serials, started, tile, use_slots
+from tests.gui.test_units import FAILED, NO_ANSWER, begin, click, end_unit, serials, started, tile, use_slots
 
 __all__ = ["started"]  # fixture
 
@@ -209,6 +211,117 @@ def test_unit_scanned_again_is_entered_in_its_last_slot_with_a_notice(operator: 
     operator.scan("SN-000002")
     assert serials(operator)[2] == "SN-000002"
     assert "与上次标定相同" not in operator.says()
+
+
+def empty_tile(operator: Operator, view: QWidget, slot: str) -> set[str]:
+    """Return the visible texts of the tile of a slot without a unit in the run."""
+    tile = view.findChild(QWidget, f"empty_{slot}_tile")
+    assert tile is not None
+    return {text.text() for text in tile.findChildren(QLabel) if text.isVisible()}
+
+
+def end_with_fault(operator: Operator, slot: str) -> None:
+    """End a batch of which one unit has a fault and the others are stopped."""
+    link = operator.window.app.engine_link
+    link.event.emit(replace(NO_ANSWER, slot=slot))
+    end_unit(operator, slot, "fault")
+    operator.press("stop_button")
+    link.event.emit(StateChanged("stopped", "stopping"))
+    for unit in operator.run.units:
+        if unit.slot != slot:
+            end_unit(operator, unit.slot, "stopped")
+    link._end()
+    operator.until(lambda: operator.run.ended)
+
+
+@pytest.mark.parametrize("language", ["en", "zh_CN"])
+def test_interrupted_units_keep_their_slots_while_another_is_repeated(operator: Operator, language: str) -> None:
+    use_slots(operator, 4)
+    begin(operator)
+    end_with_fault(operator, slot="2")
+    again, page = operator.widget("again_button", QPushButton), operator.window.operator_page
+    operator.until(lambda: page.notice.offers("same_units_choice"))
+    assert not again.isEnabled(), "the question about the others is open"
+    operator.window.app.set_language(language)
+    assert ("Answer the question" if language == "en" else "请先回答") in again.toolTip()
+    assert again.text() == ("Calibrate SN-000002 again" if language == "en" else "重做 SN-000002")
+    operator.press("cancel_choice")
+    operator.press("again_button")
+    begin(operator)
+    left_out = "not in this run" if language == "en" else "不参加本次标定"
+    operator.until(lambda: empty_tile(operator, page._live, "3") == {"3", left_out, "SN-000003"})
+    end(operator, failed=())
+    assert empty_tile(operator, page._verdicts, "4") == {"4", left_out, "SN-000004"}
+    operator.scan("SN-000004")
+    operator.scan("SN-000003")
+    assert serials(operator)[2:] == ("SN-000003", "SN-000004"), "each is where it was"
+    last = ("last: PASS SN-000002", "last: STOPPED SN-000001")
+    if language == "zh_CN":
+        last = ("上一台：合格 SN-000002", "上一台：已停止 SN-000001")
+    names = [tile(operator, f"slot_{number}_tile").accessibleName() for number in (2, 1)]
+    assert all(text in name for text, name in zip(last, names, strict=True))
+
+
+def test_slot_shows_its_unit_after_a_fault_of_the_table_until_it_stays_empty(operator: Operator) -> None:
+    use_slots(operator, 3)
+    operator.press("slot_3_button")
+    begin(operator)
+    operator.window.app.engine_link.event.emit(NO_ANSWER)
+    operator.window.app.engine_link._end()
+    operator.press("acknowledge_button")
+    operator.scan("SN-000077")
+    name = tile(operator, "slot_2_tile").accessibleName
+    assert "last: FAULT SN-000002" in name()
+    for _ in range(2):
+        operator.press("slot_2_button")  # clears the suggestion, then skips the slot
+    assert "stays empty" in name()
+    assert "last" not in name()
+
+
+def test_units_that_passed_leave_slots_that_stay_empty(operator: Operator) -> None:
+    use_slots(operator, 2)
+    begin(operator)
+    end(operator, failed=("2",))
+    operator.scan("SN-000101")
+    slots = operator.window.operator_page._starting.slots
+    assert set(slots.last_units) == {"1", "2"}
+    for slot in slots:
+        slots.clear(slot)
+    slots.forget_unloaded()
+    assert slots.last_units == {"2": ("SN-000002", "failed")}
+
+
+@pytest.mark.parametrize(("language", "use"), [("en", "“Use”"), ("zh_CN", "“启用”")])
+def test_scan_refused_for_a_skipped_slot_names_the_button_that_uses_it(
+    operator: Operator, language: str, use: str
+) -> None:
+    use_slots(operator, 2)
+    operator.scan("SN-000077")
+    for _ in range(2):
+        operator.press("slot_2_button")
+    operator.window.app.set_language(language)
+    operator.scan("SN-000078")
+    assert use in operator.says()
+    operator.press("slot_2_button")
+    operator.scan("SN-000078")
+    assert serials(operator) == ("SN-000077", "SN-000078")
+    operator.press("slot_2_button")
+    operator.press("slot_2_button")
+    begin(operator)
+    end(operator, failed=())
+    assert not any(slot.skipped for slot in operator.window.operator_page._starting.slots), "for one batch only"
+
+
+def test_unit_interrupted_before_the_window_was_opened_is_entered_in_its_slot(operator: Operator) -> None:
+    use_slots(operator, 3)
+    app = operator.window.app
+    write_dead_log(app.runs_folder, "SN-000050", slot="3", batch="B-7", batch_units=["SN-000050"], station="test bench")
+    operator.window.operator_page._starting.interrupted.recover()
+    operator.until(lambda: "SN-000050 was interrupted" in operator.says())
+    operator.press("later_choice")
+    operator.scan("SN-000050")
+    assert serials(operator)[2] == "SN-000050"
+    assert "SN-000050 is entered in slot 3" in operator.says()
 
 
 def label_of(report: ProgressCallback, files: list[Path], station: Path | None) -> list[Path]:

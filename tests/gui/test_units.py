@@ -627,10 +627,10 @@ def test_units_finished_before_a_stop_are_not_offered_again(operator: Operator) 
     operator.until(lambda: "1 fault, 1 stopped" in operator.says())
     assert run_badge(operator.run)[0] == "caution"
     again = operator.widget("again_button", QPushButton)
-    assert again.text() == "Calibrate the units with a fault again (1)"
+    assert again.text() == "Calibrate SN-000001 again"
     assert "The completed stages are kept: resume" in tile(operator, "unit_2_verdict").accessibleName()
     operator.window.app.set_language("zh_CN")
-    assert again.text() == "重做出故障的产品（1）"
+    assert again.text() == "重做 SN-000001"
     assert "可以接着做" in tile(operator, "unit_2_verdict").accessibleName()
     operator.window.app.set_language("en")
     operator.press("same_units_choice")

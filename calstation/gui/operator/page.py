@@ -211,7 +211,7 @@ class OperatorPage(Page):
 
     def _change_station(self) -> None:
         self._clear_verdict()
-        self._starting.slots.note_last({})
+        self._starting.slots.forget_last()
         self._read_products()
 
     def _clear_verdict(self) -> None:
@@ -325,6 +325,8 @@ class OperatorPage(Page):
         run = self.app.run
         if running:
             self.notice.dismiss()
+            if not run.register_operation:
+                self._starting.slots.forget_unloaded()
             self._show_serial()
             self._next_awaited = self._unit_opened = self._offer_due = False
             self.setFocus()
@@ -400,6 +402,7 @@ class OperatorPage(Page):
         """
         run = self.app.run
         self.header.set_start(self._why_not_start())
+        self._verdicts.refuse_again(say("operator.answer_first") if self._starting.asking_about_units else "")
         starting = self._starting
         missing = self.header.badge_field.required or starting.refused is not None or bool(self._overdue())
         missing = missing or starting.asking

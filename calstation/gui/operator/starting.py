@@ -32,6 +32,7 @@ _NOTES = {
     "question.missing_serial": "operator.missing",
     "question.serial_twice": "operator.twice",
     "question.no_slot_left": "operator.no_slot_left",
+    "question.slots_skipped": "operator.no_slot_left",
 }
 
 #: Time for which the notice about a scan during a run is displayed, ms.
@@ -114,6 +115,7 @@ class RunStarter(QObject):
 
     def clear_units(self) -> None:
         """Remove the units of the last run, and suggest units for the next one."""
+        self._note_last()
         self._header.set_serial("")
         self.slots.remove_units()
         self.suggest()
@@ -154,10 +156,15 @@ class RunStarter(QObject):
 
     def leave_verdict(self) -> None:
         """Replace the verdict by the next unit; each slot shows the verdict on its last unit, which is unloaded now."""
-        run = self._app.run
-        if run.ended:
+        if self._app.run.ended:
+            self._note_last()  # a failed unit may have been released
+            self._app.run.acknowledge()
+
+    def _note_last(self) -> None:
+        """Note in which slots the units of the last run are."""
+        run, request = self._app.run, self._app.engine_link.request
+        if (run.ended or run.fault is not None) and request is not None and request.station == self._app.station_path:
             self.slots.note_last({unit.slot: (unit.serial, run.final_state_of(unit)) for unit in run.units})
-            run.acknowledge()
 
     def scan(self) -> None:
         """Check the entered serial number; if a run of the unit was interrupted, offer to resume it.
@@ -195,6 +202,11 @@ class RunStarter(QObject):
     def asking(self) -> bool:
         """Whether a question about an interrupted run or transfer is open, which must be answered before START."""
         return self.interrupted.asking or self._notice.offers("restore_choice")
+
+    @property
+    def asking_about_units(self) -> bool:
+        """Whether such a question, or one about calibrating incomplete units again, is open."""
+        return self.asking or self._notice.offers("same_units_choice")
 
     def _refuse_scan(self) -> None:
         """Say that a scan during a run was not taken."""
@@ -263,7 +275,7 @@ class RunStarter(QObject):
             return False
         self.leave_verdict()
         if slots.next is not None:
-            serial, slot = header.serial, self._last_slot(header.serial) or slots.next
+            serial, slot = header.serial, self._last_slot(header.serial, self.run_summary.station) or slots.next
             moved = slot is not slots.next
             self.slots.fill(slot, serial, self._app.runs_folder)
             self._app.claim(*slots.units)
@@ -280,12 +292,12 @@ class RunStarter(QObject):
         self._await_start()
         return True
 
-    def _last_slot(self, serial: str) -> Slot | None:
-        """Return the slot in which a unit was in the last run at this station, or None if a scan does not fill it."""
-        request, units = self._app.engine_link.request, self._app.run.units
-        here = request is not None and request.station == self._app.station_path
-        name = next((unit.slot for unit in units if here and unit.serial == serial), "")
-        return self.slots.last(name)
+    def _last_slot(self, serial: str, station: str) -> Slot | None:
+        """Return the slot in which a unit was last or was interrupted, or None if a scan does not fill it."""
+        name = self.slots.last(serial)
+        if not name and (interrupted := resumable_run(self._app.runs_folder, serial, station)) is not None:
+            name = interrupted.slot or ""
+        return self.slots.free(name)
 
     def _await_start(self) -> None:
         """Move the focus to START or, if a badge is required, to the badge field."""

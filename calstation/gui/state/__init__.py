@@ -12,5 +12,5 @@ from calstation.gui.state.reset_bar import ResetBar, TableNotice
 from calstation.gui.state.role import RolePanel
 from calstation.gui.state.run_status import RunStatus
 from calstation.gui.state.run_strip import EndStageButton, ExchangeLabel, PauseButton, RunStrip, run_badge, run_title
-from calstation.gui.state.slots import EarlierRuns, Slot, Slots
+from calstation.gui.state.slots import LEAVING, EarlierRuns, Slot, Slots
 from calstation.gui.state.unit_status import TRANSFER, StageState, UnitStatus, largest_sigmas, stage_rows

@@ -9,6 +9,9 @@ from PySide6.QtCore import QObject, Signal
 from calstation.messages import Text
 from calstation.results import History
 
+#: Final states of units that leave the table; the others may be calibrated again in their slots.
+LEAVING = ("passed", "partial", "released")
+
 
 @dataclass(frozen=True)
 class EarlierRuns:
@@ -41,7 +44,7 @@ class Slot:
     skipped: bool = False  #: Whether scans skip the slot.
     left_out: bool = False  #: Whether the unit of the last run is still in the slot but not in the next run.
     earlier: EarlierRuns = EarlierRuns()
-    #: Serial number and final state of the unit of the last run in this slot, which is being unloaded; None for none.
+    #: Serial number and final state of the last unit in this slot, until it has been removed; None for none.
     last: tuple[str, str] | None = None
 
     @property
@@ -86,10 +89,19 @@ class Slots(QObject):
         """The slot for the next scan: `marked`, or the first with a suggested or left-out unit, which it replaces."""
         return self.marked or next((slot for slot in self._slots if slot.suggested or slot.left_out), None)
 
-    def last(self, name: str) -> Slot | None:
-        """Return the slot in which the scanned unit was last, or None if another is selected or it is not free."""
+    def last(self, serial: str) -> str:
+        """Return the name of the slot in which a unit was last, or ""."""
+        return next((name for name, last in self.last_units.items() if last[0] == serial), "")
+
+    def free(self, name: str) -> Slot | None:
+        """Return a slot for a scanned unit, or None if it is not free or another is selected."""
         free = [slot for slot in self._slots if slot.open or slot.suggested or slot.left_out]
         return None if self._chosen is not None else next((slot for slot in free if slot.name == name), None)
+
+    @property
+    def last_units(self) -> dict[str, tuple[str, str]]:
+        """Serial numbers and final states of the last units by slot."""
+        return {slot.name: slot.last for slot in self._slots if slot.last is not None}
 
     @property
     def full(self) -> bool:
@@ -108,7 +120,10 @@ class Slots(QObject):
         slot = next((slot for slot in self._slots if slot.serial == serial and not slot.suggested), None)
         if slot is not None:
             return Text.of("question.serial_twice", serial=serial, slot=slot.name)
-        return Text.of("question.no_slot_left", serial=serial) if self.next is None else None
+        if self.next is not None:
+            return None
+        code = "question.slots_skipped" if any(slot.skipped for slot in self._slots) else "question.no_slot_left"
+        return Text.of(code, serial=serial)
 
     def suggest(self, next_serial: Callable[[], str]) -> None:
         """Suggest serial numbers of simulated units, "" for none, for the open slots in order."""
@@ -123,6 +138,8 @@ class Slots(QObject):
         for other in self._slots:
             if other.serial == serial:
                 other.serial, other.suggested = "", False
+            if other is not slot and other.last is not None and other.last[0] == serial:
+                other.last = None
         slot.serial, slot.earlier = serial, EarlierRuns.of(folder, serial)
         slot.suggested = slot.skipped = slot.left_out = False
         self._chosen = None
@@ -146,22 +163,37 @@ class Slots(QObject):
         self.changed.emit()
 
     def set_skipped(self, slot: Slot, *, skipped: bool) -> None:
-        """Set whether scans skip an empty slot."""
+        """Set whether scans skip an empty slot, whose last unit has been removed."""
         slot.skipped = skipped
+        if skipped:
+            slot.last = None
         self._chosen = None
         self.changed.emit()
 
     def note_last(self, units: Mapping[str, tuple[str, str]]) -> None:
-        """Set the serial numbers and the final states of the units of the last run by slot."""
+        """Note the serial numbers and the final states of the units of a run by slot."""
         for slot in self._slots:
-            slot.last = units.get(slot.name)
+            slot.last = units.get(slot.name, slot.last)
+        self.changed.emit()
+
+    def forget_unloaded(self) -> None:
+        """Forget the last units of the slots that stay empty in a run, if they have left the table."""
+        for slot in self._slots:
+            if slot.last is not None and slot.last[1] in LEAVING and not (slot.serial or slot.left_out):
+                slot.last = None
+        self.changed.emit()
+
+    def forget_last(self) -> None:
+        """Forget the last units of all slots."""
+        for slot in self._slots:
+            slot.last = None
         self.changed.emit()
 
     def remove_units(self, *, only_suggested: bool = False) -> None:
-        """Remove all units, or only suggested ones."""
+        """Remove all units and skip no slot any longer, or remove only suggested units."""
         for slot in self._slots:
             if slot.suggested or not only_suggested:
                 slot.serial, slot.suggested = "", False
-            slot.left_out = False
+            slot.left_out, slot.skipped = False, slot.skipped and only_suggested
         self._chosen = None
         self.changed.emit()

@@ -116,7 +116,7 @@ class LiveView(QWidget):
         self.table.setMinimumWidth(37 * theme.GRID)
         #: Traces next to the table; during the preparation of several units or on a small screen, its steps.
         self._beside = stack(self._traces, Preparation(run))
-        self._units = UnitTiles(run, prefix)
+        self._units = UnitTiles(app, prefix)
         row((self.table, 1), (self._beside, 3), on=self._upper)
         below = row((self.temperature, 1), (self._lower, 1))
         self._column = column((self.position, 9), (self._upper, 5), self._units, (below, 4), on=self)

@@ -9,6 +9,7 @@ from PySide6.QtWidgets import (
     QAbstractButton,
     QFrame,
     QGridLayout,
+    QHBoxLayout,
     QSizePolicy,
     QStyle,
     QStyleOption,
@@ -16,7 +17,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.gui.state import TRANSFER, RunStatus, UnitStatus
+from calstation.gui.state import TRANSFER, AppContext, Slots, UnitStatus
 from calstation.gui.text import KINDS, bind, fault_text, on_language_change, product_text, say, term
 from calstation.gui.widgets import ElidedLabel, StateIcon, clear, column, grid, label, plain_tip, row, theme
 
@@ -68,22 +69,35 @@ def arrange(layout: QGridLayout, tiles: Sequence[QWidget]) -> None:
 
 
 class _EmptyTile(QFrame):
-    """Place of a slot without a unit."""
+    """Place of a slot without a unit in the run, with the serial number and the final state of its last unit."""
 
-    def __init__(self, slot: str) -> None:
+    def __init__(self, slot: str, last: tuple[str, str] | None) -> None:
         super().__init__()
         self.setObjectName(f"empty_{slot}_tile")
         self.setProperty("kind", "panel")
-        self._slot, self._text = label(kind="muted"), ElidedLabel("muted")
-        self._slot.setText(slot)
-        bind(self._text, "operator.left_out")
+        name, text = label(kind="muted"), ElidedLabel("muted")
+        name.setText(slot)
+        bind(text, "operator.left_out")
         margins = (theme.GRID, theme.GRID // 2, theme.GRID, theme.GRID // 2)
-        column(None, row(self._slot, (self._text, 1), spacing=theme.GRID), None, on=self, spacing=0, margins=margins)
+        units = [] if last is None else [self._last(*last)]
+        column(None, row(name, (text, 1), spacing=theme.GRID), *units, None, on=self, spacing=0, margins=margins)
+
+    def _last(self, serial: str, state: str) -> QHBoxLayout:
+        """Return a row with the last unit, whose verdict the symbol shows."""
+        icon, unit = StateIcon(16), ElidedLabel(mode=Qt.TextElideMode.ElideMiddle)
+        icon.set_kind(KINDS.get(state, "none"))
+        unit.setText(serial)
+        bind(self.setToolTip, lambda: plain_tip(say("operator.last_unit", serial=serial, state=term("badge", state))))
+        return row(icon, (unit, 1), spacing=theme.GRID)
 
 
-def arrange_in_slots(layout: QGridLayout, tiles: Mapping[str, QWidget], slots: Sequence[str]) -> None:
-    """Replace the tiles in a grid with those of units by slot, each in the same cell as before the run."""
-    arrange(layout, [tiles.get(slot) or _EmptyTile(slot) for slot in slots])
+def arrange_in_slots(layout: QGridLayout, tiles: Mapping[str, QWidget], names: Sequence[str], slots: Slots) -> None:
+    """Replace the tiles in a grid with those of units by slot, each in the same cell as before the run.
+
+    `names` are the slots of the run, and `slots` contain the last units of those without a tile.
+    """
+    last = slots.last_units
+    arrange(layout, [tiles.get(name) or _EmptyTile(name, last.get(name)) for name in names])
 
 
 class _UnitTile(Tile):
@@ -122,13 +136,13 @@ class UnitTiles(QWidget):
     `prefix` is the beginning of the object names.
     """
 
-    def __init__(self, run: RunStatus, prefix: str) -> None:
+    def __init__(self, app: AppContext, prefix: str) -> None:
         super().__init__()
-        self._run, self._prefix = run, prefix
+        self._run, self._slots, self._prefix = app.run, app.slots, prefix
         self._tiles: list[_UnitTile] = []
         self._outdated = False
         self._grid = grid(self)
-        run.changed.connect(self.refresh)
+        app.run.changed.connect(self.refresh)
         on_language_change(self, self.refresh)
 
     def start(self) -> None:
@@ -141,7 +155,7 @@ class UnitTiles(QWidget):
         self._tiles = [_UnitTile(unit, self._prefix) for unit in self._run.units if unit.slot]
         for tile in self._tiles:
             tile.clicked.connect(partial(self._run.select_unit, tile.unit))
-        arrange_in_slots(self._grid, {tile.unit.slot: tile for tile in self._tiles}, self._run.slots)
+        arrange_in_slots(self._grid, {tile.unit.slot: tile for tile in self._tiles}, self._run.slots, self._slots)
 
     def showEvent(self, event: QShowEvent) -> None:
         """Show the states of the units after the tiles were hidden."""

@@ -12,7 +12,7 @@ from calstation.gui.operator import advice
 from calstation.gui.operator.production import CertificatesButton, LabelButton
 from calstation.gui.operator.units.banner import Banner
 from calstation.gui.operator.units.tiles import COLUMNS, Tile, arrange_in_slots, pass_clicks, place_text
-from calstation.gui.state import AppContext, UnitStatus, run_badge
+from calstation.gui.state import LEAVING, AppContext, UnitStatus, run_badge
 from calstation.gui.text import fault_text, say, term
 from calstation.gui.widgets import (
     PANEL,
@@ -21,6 +21,7 @@ from calstation.gui.widgets import (
     StateBadge,
     button,
     column,
+    enable,
     grid,
     label,
     plain_tip,
@@ -98,7 +99,7 @@ class VerdictGrid(QFrame):
     def __init__(self, app: AppContext, notice: NoticeBar, unprinted: NoticeBar, then: Callable[[], None]) -> None:
         super().__init__()
         self.setProperty("kind", "panel")
-        self._run = app.run
+        self._run, self._slots = app.run, app.slots
         self._tiles: list[_VerdictTile] = []
         self._prepared: dict[str, _VerdictTile] = {}
         self._offered: list[Path] = []  #: Results that the buttons of labels and certificates apply to.
@@ -117,7 +118,7 @@ class VerdictGrid(QFrame):
         if [tile.unit for tile in self._tiles] != list(self._run.units):
             self._tiles = [self._tile(unit) for unit in self._run.units]
             self._prepared = {}
-            arrange_in_slots(self._grid, {tile.unit.slot: tile for tile in self._tiles}, self._run.slots)
+            arrange_in_slots(self._grid, {tile.unit.slot: tile for tile in self._tiles}, self._run.slots, self._slots)
         files = [path for _, path in self._passed]
         if files != self._offered:
             self._offered = files
@@ -130,6 +131,10 @@ class VerdictGrid(QFrame):
         if shown != self._shown:
             self._shown = shown
             self._refresh()
+
+    def refuse_again(self, why_not: str) -> None:
+        """Disable the button that repeats failed units with the reason as its tooltip; "" enables it."""
+        enable(self._again, why_not)
 
     def prepare(self) -> None:
         """Create the tiles of the units that have a verdict, which then need not all be created at the end."""
@@ -168,7 +173,7 @@ class VerdictGrid(QFrame):
             return say("advice.same_units")
         if not (unfinished or self._failed):
             return say("advice.next_units")
-        leaves = any(self._run.final_state_of(unit) in ("passed", "partial", "released") for unit in self._run.units)
+        leaves = any(self._run.final_state_of(unit) in LEAVING for unit in self._run.units)
         return say("advice.mixed_units" if leaves else "advice.failed_units")
 
     @property
@@ -200,7 +205,10 @@ class VerdictGrid(QFrame):
             verdicts = {unit.verdict for unit in repeatable}
             both = len(verdicts) > 1
             again = "operator.again_faults" if Verdict.FAULT in verdicts else "operator.again"
-            self._again.setText(say("operator.again_both" if both else again, count=len(repeatable)))
+            if len(repeatable) == 1:  # the others may look the same
+                self._again.setText(say("operator.again_one", serial=repeatable[0].serial))
+            else:
+                self._again.setText(say("operator.again_both" if both else again, count=len(repeatable)))
             self._again.setVisible(bool(repeatable))
             for tile in self._tiles:
                 tile.show_verdict(self._run.final_state_of(tile.unit))
