@@ -32,9 +32,14 @@ META: dict[str, Any] = {
 
 
 def write_dead_log(
-    folder: Path, serial: str = "SN-000003", solved: int = 1, events: Sequence[Event] = (), **run: Any
+    folder: Path,
+    serial: str = "SN-000003",
+    solved: int = 1,
+    events: Sequence[Event] = (),
+    hours_ago: float = 1.0,
+    **run: Any,
 ) -> Path:
-    """Write the log of a run that was killed one hour ago, after it had solved the first of its two stages.
+    """Write the log of a run that was killed, after it had solved the first of its two stages.
 
     Parameters
     ----------
@@ -44,10 +49,12 @@ def write_dead_log(
         Number of solved stages.
     events
         Events after them.
+    hours_ago
+        Time since its start, h.
     run
         Entries of ``[run]``.
     """
-    started = NOW - timedelta(hours=1)
+    started = NOW - timedelta(hours=hours_ago)
     folder.mkdir(exist_ok=True)
     path = folder / f"{serial}_{started:%Y%m%dT%H%M%S%f}.h5"
     schedule = {name: method(name).schedule(**PRODUCT["schedule"][name]).model_dump(mode="json") for name in STAGES}

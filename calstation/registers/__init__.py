@@ -4,7 +4,13 @@ The register maps of the drivers are in `devices`.
 """
 
 from calstation.registers import journal
-from calstation.registers.interrupted import DECISIONS, UnverifiedTransfer, recover_interrupted, transfer_open
+from calstation.registers.interrupted import (
+    DECISIONS,
+    UnverifiedTransfer,
+    recover_interrupted,
+    registers_changed,
+    transfer_open,
+)
 from calstation.registers.journal import Purpose, Transfer, journal_folder
 from calstation.registers.operation import moves_table, run_operation
 from calstation.registers.preconditions import check_flash, check_interrupted

@@ -45,6 +45,22 @@ def transfer_open(folder: Path, serial: str) -> bool:
     return entry is not None and bool(entry.steps)
 
 
+def registers_changed(folder: Path, serial: str, since: str) -> bool:
+    """Return whether a transfer that began since a time has written registers to a unit, according to its journal.
+
+    A transfer after which the unit still had its old registers does not count; one that is open does. Raises
+    ConfigurationError if the journal is damaged.
+
+    Parameters
+    ----------
+    folder : folder returned by `journal_folder`
+    serial : serial number of the unit
+    since : time, ISO 8601 in UTC with seconds
+    """
+    transfers = journal.history(folder, serial)
+    return any(each.steps and each.closing != Closing.KEPT and each.utc >= since for each in transfers)
+
+
 def recover_interrupted(
     devices: Devices, setup: RunConfiguration, runs: Path, emit: Emit, check_cancelled: Callable[[], None]
 ) -> UnverifiedTransfer | None:

@@ -21,6 +21,7 @@ from calstation.records import RunFilter, Verdict, stages_ended_by_hand
 from calstation.reports import station_request
 from calstation.results import Ending, build_result, write_json
 from calstation.runs.preparation import OpenRun
+from calstation.runs.resume import registers_written
 from calstation.schema import EntryError
 from calstation.sequencer import Emit, Finalized, Message, RunEnd, State
 
@@ -49,9 +50,8 @@ def close_run(run: OpenRun, ended: RunEnd) -> None:
     judgement = ended.judgement or judge(run.meta, run.chain.prior, ended.solutions)
     verdict = verdict_of(_ENDS[ended.state], judgement.passed, partial=judgement.partial)
     failures = history.failures(run.serial, run.setup.product.name) + (verdict is Verdict.FAILED)
-    resumable = (
-        bool(ended.solutions or ended.points) and not run.registers.get("new") and latitude_agrees(judgement.checks)
-    )
+    written = bool(run.registers.get("new")) or registers_written(run.meta, log.path.parent)
+    resumable = bool(ended.solutions or ended.points) and not written and latitude_agrees(judgement.checks)
     by_hand = stages_ended_by_hand(log.stage_ends, run.meta.schedule)
     ending = Ending(
         verdict,

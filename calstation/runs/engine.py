@@ -17,8 +17,8 @@ from calstation.config import RegisterOperation, RunRequest
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.jobs import STOP_SIGNALS, ChildProcess, receive_stop_signals
 from calstation.messages import Text
-from calstation.records import can_be_resumed
 from calstation.runs.channel import HEARTBEAT, Channel
+from calstation.runs.resume import resumable_after
 from calstation.sequencer import (
     SOLVER_THREADS,
     Command,
@@ -166,8 +166,7 @@ class Engine:
             else:
                 event = from_json(message)
                 self._has_event = True
-                if can_be_resumed([{"event": type(event).__name__}]):
-                    self._resumable = True
+                self._resumable = resumable_after(event, self._resumable)
                 if isinstance(event, Finalized | Settled):
                     self._pending_units -= 1
                 elif isinstance(event, Fault) and not event.slot:

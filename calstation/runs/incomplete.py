@@ -32,6 +32,7 @@ from calstation.results import (
     register_pending,
     write_json,
 )
+from calstation.runs.resume import registers_written
 
 
 def finish_incomplete(folder: Path) -> list[Path]:
@@ -107,7 +108,8 @@ def _write_result(log: Log) -> None:
     finished = solved_stages(log.events)
     judgement = judge(log.meta, prior, ())
     verdict = verdict_of(End.INCOMPLETE, judgement.passed, partial=judgement.partial)
-    action = "resume" if can_be_resumed(log.events) else "repeat"
+    resumable = can_be_resumed(log.events) and not registers_written(log.meta, log.path.parent)
+    action = "resume" if resumable else "repeat"
     by_hand = stages_ended_by_hand(log.events, log.meta.schedule)
     ending = Ending(verdict, str(log.path), facts, advice=action, finished_stages=finished, ended_by_hand=by_hand)
     result = build_result(log.meta, prior, (), judgement, ending)

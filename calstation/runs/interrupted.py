@@ -1,7 +1,7 @@
 """Interrupted runs that can be resumed together: the run of a unit, or the runs of the units of a batch."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from calstation.config import load_station
@@ -10,7 +10,7 @@ from calstation.jobs import ProgressCallback
 from calstation.messages import Text
 from calstation.records import RunFilter, RunRecord, Verdict, being_written, open_log
 from calstation.results import History
-from calstation.runs.resume import Resumable, as_resumable, best_record, best_run
+from calstation.runs.resume import Resumable, as_resumable, best_run
 
 #: Maximum number of runs, or of batches, that are offered, the latest ones.
 _MAX_OFFERED = 20
@@ -24,16 +24,24 @@ class Interrupted:
     """Interrupted runs that can be resumed together, those of a batch in the order of their slots.
 
     `others` are the other units of the batch, each with the reason why it is not resumed with them, a term of the
-    catalogue family ``not_resumed``. If every unit has one, there are no runs.
+    catalogue family ``not_resumed``. If every unit has one, there are no runs. `unloaded` are the units in whose place
+    on the table another unit was calibrated later.
     """
 
     runs: tuple[Resumable, ...]
     others: tuple[tuple[str, str], ...] = ()
+    unloaded: frozenset[str] = frozenset()
 
     @property
     def logs(self) -> tuple[Path, ...]:
         """The logs of the runs."""
         return tuple(run.log for run in self.runs)
+
+    @property
+    def on_table(self) -> "Interrupted":
+        """The runs of the units that may still be on the table."""
+        absent = tuple((run.serial, "not_loaded") for run in self.runs if run.serial in self.unloaded)
+        return Interrupted(tuple(run for run in self.runs if run.serial not in self.unloaded), (*absent, *self.others))
 
     @property
     def question(self) -> Text:
@@ -100,7 +108,20 @@ def find_interrupted(progress: ProgressCallback, folder: Path, station: str | No
     """Job: find the runs that can be resumed, as `find_resumable` does, those of the units of a batch together."""
     runs, history = find_resumable(progress, folder, station), History(folder)
     batches = [each for batch in _batches(runs) for each in _of_batch(history, batch, station)]
-    return [*(Interrupted((run,)) for run in runs if run.slot is None), *batches]
+    found = [*(Interrupted((run,)) for run in runs if run.slot is None), *batches]
+    latest = history.runs(RunFilter(station=station or "", missing=None))
+    return [replace(each, unloaded=_unloaded(each.runs, latest)) for each in found]
+
+
+def _unloaded(runs: Iterable[Resumable], latest: Iterable[RunRecord]) -> frozenset[str]:
+    """Return the units of the runs in whose place on the table of their station another has been since."""
+    used = [(run.station, run.slot, run.serial, run.started_utc) for run in latest if not run.origin]
+    return frozenset(
+        run.serial
+        for run in runs
+        for station, slot, serial, started in used
+        if (station, slot) == (run.station, run.slot) and serial != run.serial and started > run.started_utc
+    )
 
 
 def find_chamber_left(progress: ProgressCallback, folder: Path, station: Path | None) -> str:
@@ -144,7 +165,7 @@ def interrupted_units(history: History, slots: Mapping[str, str], station: str) 
     slots : name of the present slot of each unit, by serial number
     station : name of the station
     """
-    runs = [run for serial in slots if (run := best_record(history.of(serial), station)) is not None]
+    runs = [run for serial in slots if (run := best_run(history.of(serial), station)) is not None]
     misplaced: Interrupted | None = None
     for batch in _batches(runs):
         for interrupted in _of_batch(history, batch, station):
@@ -162,7 +183,7 @@ def interrupted_units(history: History, slots: Mapping[str, str], station: str) 
     return misplaced
 
 
-def _batches(runs: Iterable[Resumable | RunRecord]) -> list[str]:
+def _batches(runs: Iterable[Resumable]) -> list[str]:
     """Return the batches of the runs, the latest first."""
     latest = sorted(runs, key=lambda run: run.started_utc, reverse=True)
     return list(dict.fromkeys(run.batch for run in latest if run.batch is not None and run.slot is not None))

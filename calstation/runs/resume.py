@@ -4,11 +4,12 @@ The same chain solves these stages again with bit-identical results, so that pos
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from calstation.config import RunRequest, StationConfig, load_station, unit_requests
+from calstation.config import RunRequest, StationConfig, load_station, site_folder, unit_requests
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.estimation import Solution
 from calstation.estimation.common import SampleBlock
@@ -27,8 +28,9 @@ from calstation.records import (
     open_log,
     solved_stages,
 )
+from calstation.registers import registers_changed
 from calstation.results import History, StageChain, stored_result
-from calstation.sequencer import LastSample, PointCompleted, solution_events, to_json
+from calstation.sequencer import Event, LastSample, Message, PointCompleted, solution_events, to_json
 from procedures import method
 
 #: Outcomes of logs that cannot be resumed.
@@ -122,29 +124,50 @@ def resumable_run(folder: Path, serial: str, station: str) -> Resumable | None:
 
 
 def best_run(runs: Sequence[RunRecord], station: str | None) -> Resumable | None:
-    """Return the run of `best_record` if its log permits to resume it, or None."""
-    best = best_record(runs, station)
-    resumable = None if best is None else as_resumable(best)
-    return resumable if isinstance(resumable, Resumable) else None
+    """Return the latest run since the last verdict on the unit at any station whose log permits to resume it, or None.
 
-
-def best_record(runs: Sequence[RunRecord], station: str | None) -> RunRecord | None:
-    """Return the incomplete run with the most finished stages since the last verdict on the unit at any station.
+    If it continued a run that had completed more, because it ended while that log was copied, return the other run.
 
     Parameters
     ----------
     runs : all runs of the unit, the latest first
     station : station that would resume it; None for any
     """
-    best: RunRecord | None = None
+    best: Resumable | None = None
+    continued: set[str | None] = set()
     for run in runs:
         if run.verdict.judged or run.closed:
             break
         if run.origin or (station is not None and run.station not in (None, station)):
             continue  # only the station at which a run began can resume it
-        if (run.stages or run.resumable) and (best is None or len(run.stages) > len(best.stages)):
-            best = run
+        if best is not None and run.log.name not in continued:
+            continue
+        resumable = as_resumable(run)
+        if isinstance(resumable, Resumable):
+            further = best is None or resumable.completed.amount > best.completed.amount
+            best = resumable if further else best
+            continued.add(run.resumed_from)
     return best
+
+
+def registers_written(meta: LogMeta, runs: Path) -> bool:
+    """Return whether registers may have been written to the unit of a log since its run began.
+
+    The journal in the folder of the runs is that of a virtual unit. A damaged journal says nothing; a start reports it.
+    """
+    text = meta.profiles.get("station", "")
+    virtual = not text or "bench" in parse_toml(text)
+    if meta.run is not None:
+        with suppress(ConfigurationError):
+            return registers_changed(runs if virtual else site_folder(), meta.imu.serial, meta.run.started_utc)
+    return False
+
+
+def resumable_after(event: Event, before: bool) -> bool:
+    """Return whether a run that ends after an event can be resumed, given whether it could be before the event."""
+    if isinstance(event, Message) and event.id == "registers_transfer":
+        return False
+    return before or can_be_resumed([{"event": type(event).__name__}])
 
 
 def as_resumable(record: RunRecord) -> Resumable | str:
@@ -162,8 +185,9 @@ def as_resumable(record: RunRecord) -> Resumable | str:
         result = stored_result(log)
     except (InputError, ConfigurationError, ValueError, KeyError):
         return "unreadable"
-    if result is not None and result.registers is not None and result.registers.new is not None:
-        return "registers_written"  # the transfer must be finished or restored
+    written = result is not None and result.registers is not None and result.registers.new is not None
+    if written or registers_written(log.meta, log.path.parent):
+        return "registers_written"  # the remaining samples would be those of a different unit
     if result is not None and not latitude_agrees(result.checks):
         return "other_latitude"
     run = log.meta.run
@@ -218,6 +242,8 @@ class Continuation:
             raise ConfigurationError("run.still_running", path=path)
         completed = Completed.of(log)
         _check_not_continued(log)
+        if registers_written(log.meta, path.parent):
+            raise ConfigurationError("run.registers_changed", log=path.name)
         if log.meta.imu.serial != request.serial:
             raise ConfigurationError("run.other_unit", path=path, found=log.meta.imu.serial, serial=request.serial)
         _check_station(log, load_station(request.station)[1])

@@ -416,6 +416,21 @@ def test_interrupted_unit_scanned_again_is_resumed_or_restarted(
     assert [request.resume and request.resume.name for request in started[2:]] == [None, log.name]
 
 
+@pytest.mark.parametrize(("language", "question"), [("en", "was interrupted in stage 2"), ("zh_CN", "中断")])
+def test_unit_that_has_left_the_table_is_offered_only_after_its_scan(
+    operator: Operator, language: str, question: str
+) -> None:
+    runs = operator.window.app.runs_folder
+    write_dead_log(runs, "SN-000003", station="test bench")
+    write_dead_log(runs, "SN-000004", 0, hours_ago=0.5, station="test bench")
+    operator.window.app.set_language(language)
+    operator.window.operator_page._starting.interrupted.recover()
+    operator.until_no_job()
+    assert question not in operator.says()
+    operator.scan("SN-000003")
+    assert question in operator.says()
+
+
 def test_completed_stages_of_a_resumed_run_are_done_from_the_beginning(operator: Operator) -> None:
     runs = operator.window.app.runs_folder
     runs.mkdir()

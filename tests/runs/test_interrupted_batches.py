@@ -1,7 +1,8 @@
 """Interrupted runs of a batch are resumed together, in their slots, after what all of them have completed."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -12,18 +13,20 @@ import pytest
 from calstation.bench import BenchConfig
 from calstation.bench.live import LiveBench
 from calstation.config import RunRequest, load_configuration
+from calstation.devices.imu import Closing, Step
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import Language, sentence
 from calstation.records import Verdict
-from calstation.results import History
-from calstation.runs import RunStart, find_interrupted, finish_incomplete
+from calstation.registers import Purpose, journal
+from calstation.results import History, load_result
+from calstation.runs import RunStart, find_interrupted, find_resumable, finish_incomplete
 from calstation.runs import run as run_module
 from calstation.runs.incomplete import close_incomplete
 from calstation.runs.interrupted import Interrupted
 from calstation.runs.resume import Completed, Continuation, Resumable, completed_by_all
 from calstation.sequencer import LastSample, State, StopRequested
 from calstation.simulation import bench_config
-from tests.dead_logs import write_dead_log
+from tests.dead_logs import NOW, write_dead_log
 from tests.helpers import ignore_progress, raises_code
 from tests.runs.test_batch_runs import SERIALS, batch_of
 from tests.site_folder import SiteFolder
@@ -70,6 +73,91 @@ def test_units_that_did_not_get_as_far_are_named(site_folder: SiteFolder) -> Non
     site_folder.write(units=3)
     write_batch(site_folder, {"1": 2, "2": 1, "3": 0})
     assert offered(site_folder) == [(list(SERIALS[:2]), {SERIALS[2]: "nothing_completed"})]
+
+
+UNIT = SERIALS[0]
+
+
+def write_transfer(
+    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, hours_ago: float, *steps: Step, closing: str = ""
+) -> None:
+    """Write a transfer to a unit into the journal of its registers."""
+    utc = (NOW - timedelta(hours=hours_ago)).isoformat()
+    with monkeypatch.context() as context:
+        context.setattr(journal, "_now", lambda: utc)
+        entry = journal.begin(site_folder.runs, UNIT, {}, {"gyro_bias_x": 1e-6}, Purpose("Li Na", "run", "a.h5"))
+    for step in steps:
+        entry.note(step)
+    if closing:
+        entry.close(Closing(closing))
+
+
+@pytest.mark.parametrize(
+    ("hours_ago", "steps", "closing", "resumed"),
+    [
+        (0.5, (Step.WRITTEN, Step.COMMITTING), "", False),
+        (0.5, (Step.WRITTEN, Step.COMMITTING, Step.COMMITTED, Step.RESTARTED), "done", False),
+        (0.5, (Step.COMMITTING, Step.RESTORING, Step.COMMITTED, Step.RESTARTED), "restored", False),
+        (0.5, (Step.WRITTEN, Step.COMMITTING), "kept", True),
+        (0.5, (), "", True),
+        (2.0, (Step.WRITTEN, Step.COMMITTING), "", True),
+    ],
+    ids=["interrupted", "done", "restored", "kept", "not begun", "before the run"],
+)
+def test_run_is_not_resumed_after_registers_were_written_since_its_start(
+    site_folder: SiteFolder,
+    monkeypatch: pytest.MonkeyPatch,
+    hours_ago: float,
+    steps: Sequence[Step],
+    closing: str,
+    *,
+    resumed: bool,
+) -> None:
+    log = write_dead_log(site_folder.runs, UNIT, solved=2, station=STATION)
+    write_transfer(site_folder, monkeypatch, hours_ago, *steps, closing=closing)
+    finish_incomplete(site_folder.runs)
+    assert load_result(log.with_suffix(".json")).advice == ("resume" if resumed else "repeat")
+    assert [run.log for run in find_resumable(ignore_progress, site_folder.runs)] == [log] * resumed
+    start = RunStart(replace(site_folder.request(serial=UNIT), product=None), "operator")
+    asked = []
+    while (question := start.next_question()) is not None:
+        asked.append(question.subject)
+        start.answer(question, question.answers[-1])
+    assert ("resume" in asked) is resumed
+    if resumed:
+        assert Continuation.of(site_folder.request(serial=UNIT), log).finished
+    else:
+        with raises_code(ConfigurationError, "run.registers_changed"):
+            Continuation.of(site_folder.request(serial=UNIT), log)
+
+
+def test_latest_run_that_can_be_resumed_is_offered(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An earlier run may have completed more, but the unit has new registers since, or was taken out of its slot."""
+    runs = site_folder.runs
+    write_dead_log(runs, UNIT, solved=2, hours_ago=5.0)
+    write_transfer(site_folder, monkeypatch, 4.5, Step.COMMITTING, closing="restored")
+    first = write_dead_log(runs, UNIT, hours_ago=4.0)
+    assert [run.log for run in find_resumable(ignore_progress, runs)] == [first]
+    more = write_dead_log(runs, UNIT, solved=2, hours_ago=3.0)
+    again = write_dead_log(runs, UNIT, hours_ago=2.0)
+    assert [run.log for run in find_resumable(ignore_progress, runs)] == [again]
+    again.unlink()
+    write_dead_log(runs, UNIT, hours_ago=2.0, resumed_from=more.name)
+    assert [run.log for run in find_resumable(ignore_progress, runs)] == [more], "its log was being copied"
+
+
+def test_units_in_whose_place_another_was_calibrated_later_are_known(batch: SiteFolder) -> None:
+    def unloaded() -> set[str]:
+        (found,) = [each for each in find_interrupted(ignore_progress, batch.runs, STATION) if len(each.runs) == 3]
+        assert [run.serial for run in found.on_table.runs] == [s for s in SERIALS if s not in found.unloaded]
+        assert found.on_table.others == tuple((s, "not_loaded") for s in SERIALS if s in found.unloaded)
+        return set(found.unloaded)
+
+    for hours_ago, station in ((2.0, STATION), (0.5, "another")):
+        write_dead_log(batch.runs, "SN-000009", 0, hours_ago=hours_ago, slot="2", station=station)
+    assert unloaded() == set()
+    write_dead_log(batch.runs, "SN-000009", 0, hours_ago=0.2, slot="2", station=STATION)
+    assert unloaded() == {SERIALS[1]}
 
 
 def test_scanned_units_of_an_interrupted_batch_are_resumed_in_the_order_of_their_slots(batch: SiteFolder) -> None:

@@ -145,7 +145,10 @@ class InterruptedRuns(QObject):
         self.serials = frozenset(run.serial for each in found for run in each.runs)
         if self._log is None:
             units = self._serials
-            offered = [each for each in found if not units or any(run.serial in units for run in each.runs)]
+            mounted = [each.on_table for each in found]
+            offered = [
+                each for each in mounted if each.runs and (not units or any(run.serial in units for run in each.runs))
+            ]
             self._offer(offered) if offered else self._otherwise()
             return
         selected = [each for each in found if self._log.name in {log.name for log in each.logs}]

@@ -13,8 +13,8 @@ from calstation.gui.state.table_status import TableStatus
 from calstation.gui.state.unit_status import TRANSFER, StageState, UnitStatus, completed_stages, stage_rows
 from calstation.gui.text import rendered, say
 from calstation.messages import Text
-from calstation.records import Verdict, can_be_resumed
-from calstation.runs import RunSummary, run_summary
+from calstation.records import Verdict
+from calstation.runs import RunSummary, resumable_after, run_summary
 from calstation.sequencer import (
     DURATION,
     ChamberChanged,
@@ -430,8 +430,7 @@ class RunStatus(QObject):
             self._changed_timer.start()
         self.chamber.handle_event(event)
         self.table.handle_event(event)
-        if can_be_resumed([{"event": type(event).__name__}]):
-            self.resumable = True
+        self.resumable = resumable_after(event, self.resumable)
         if isinstance(event, Message) and event.id == "safe_stop_incomplete" and event.values.get("table"):
             self.set_stop_incomplete(True)
         if isinstance(event, ChamberChanged):
