@@ -15,7 +15,7 @@ test: $(VENV)/installed-dev
 		$(VENV)/bin/python -m pytest -n 4 --dist worksteal $$tests
 
 rehearse: $(VENV)/installed-dev
-	$(VENV)/bin/python -m pytest -m "long and not exhaustive" -n 4 --dist worksteal
+	$(VENV)/bin/python -m pytest -m "long and not exhaustive" -n 6 --dist worksteal
 
 exhaustive: $(VENV)/installed-dev
 	$(VENV)/bin/python -m pytest -m "exhaustive or hypothesis" --hypothesis-profile=exhaustive -n 4 --dist worksteal

@@ -177,7 +177,7 @@ def test_longer_duration_gives_smaller_sigmas():
     assert long.schedule()["stop_at_limits"] is False
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_stages_of_a_product_are_shortened_within_its_limits():
     product = library.find("products", "mems_c")
     output = shorten_stages(ignore, DesignRequest(product=product))
