@@ -347,7 +347,7 @@ def test_engine_that_dies_leaves_the_chamber_unknown(thermal: ThermalRun, monkey
         ("zh_CN", "请先查看温箱，再按“已查看温箱”。"),
     ):
         thermal.app.set_language(language)
-        assert page._views.currentWidget() is page._unconfirmed, "no unit is loaded yet"
+        assert page._views.currentWidget() is page._hindrance, "no unit is loaded yet"
         assert not start.isEnabled()
         assert start.toolTip() == why
         assert not thermal.operator.widget("engineer_start_button", QPushButton).isEnabled()

@@ -929,7 +929,7 @@ def test_a_table_that_may_still_move_is_named_on_every_page_until_it_is_reset(
         assert not {"READY", "可以开始"} & set(lines), page
     window.show_page("operator_page")
     page = window.operator_page
-    assert page._views.currentWidget() is page._unsafe, "no unit is mounted now"
+    assert page._views.currentWidget() is page._hindrance, "no unit is mounted now"
     assert not simulated_run.widget("start_button").isEnabled()
     assert not page.notice.asking, "nothing is offered before"
     assert WARNING[language] in simulated_run.message

@@ -27,6 +27,7 @@ from calstation.gui.operator.questions import (
     progress_message,
     unsuitable_products,
     urgent_message,
+    why_not_load,
 )
 from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
@@ -92,14 +93,8 @@ class OperatorPage(Page):
         self._slots = SlotsPanel(self._starting.slots)
         self._verdicts = VerdictGrid(app, *documents)
         self._unit_opened = False  #: Whether the verdict on one of several units is displayed.
-        self._unusable = EmptyState(title="operator.unusable", text="operator.about_unusable")
-        self._unconfirmed = EmptyState(title="operator.chamber_unknown", text="operator.chamber_unconfirmed")
-        self._unsafe = EmptyState(title="operator.table_unsafe", text="operator.table_unconfirmed")
-        self._unchecked = EmptyState(title="operator.chamber_closed", text="operator.chamber_unchecked")
-        other = Text("question.other_window")
-        self._elsewhere = EmptyState(title=lambda: rendered(other).text, text=lambda: rendered(other).remedy)
-        waiting = (self._unusable, self._unconfirmed, self._unsafe, self._unchecked, self._elsewhere)
-        self._views = stack(*waiting, self._loading, self._slots, self._live, self._verdicts, self._verdict)
+        self._hindrance = EmptyState()
+        self._views = stack(self._hindrance, self._loading, self._slots, self._live, self._verdicts, self._verdict)
         self._progress = progress_bar(theme.GRID, "run_progress")
         self._message, self._badge = label(name="message_label", wrap=True), StateBadge(theme.SECTION)
         self._message.setFont(theme.font(theme.SECTION))
@@ -438,12 +433,10 @@ class OperatorPage(Page):
         run = self.app.run
         returning = run.chamber.access == "closed" and self.app.engine_link.running
         if run.state == "idle" and not returning:
+            why = why_not_load(run, usable=self._problem is None)
+            self._hindrance.say(*why)
             loading: QWidget = self._slots if self._starting.slots else self._loading
-            if run.chamber.must_stay_closed:
-                loading = self._unchecked if run.chamber.unchecked else self._unconfirmed
-            loading = self._unsafe if run.stop_incomplete else loading
-            loading = self._unusable if self._problem is not None else loading
-            self._views.setCurrentWidget(loading if run.elsewhere is None else self._elsewhere)
+            self._views.setCurrentWidget(self._hindrance if any(why) else loading)
         elif run.fault is None and (returning or not run.finalized) and self.app.engine_link.running:
             self._views.setCurrentWidget(self._live)
             self._verdicts.prepare()

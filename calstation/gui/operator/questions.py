@@ -10,6 +10,7 @@ from calstation.database import Claim
 from calstation.errors import CalstationError
 from calstation.gui.state import AppContext, PeoplePanel, RunStatus, chamber_reason
 from calstation.gui.text import (
+    Words,
     engineer_corrects,
     fault_text,
     for_operator,
@@ -122,6 +123,25 @@ def urgent_message(run: RunStatus, *, engineer: bool) -> str:
     other = rendered(Text("question.other_window")).text
     stopping = run.elsewhere[1] == "stopping"
     return joined(say("operator.message_stopping_manual"), other, language.current()) if stopping else other
+
+
+def why_not_load(run: RunStatus, *, usable: bool) -> tuple[Words, Words]:
+    """Return title and text of the reason to load no unit now, which are empty if there is none.
+
+    `usable` is whether station and product can be used.
+    """
+    if run.elsewhere is not None:
+        other = Text("question.other_window")
+        return lambda: rendered(other).text, lambda: rendered(other).remedy
+    if not usable:
+        return "operator.unusable", "operator.about_unusable"
+    if run.stop_incomplete:
+        return "operator.table_unsafe", "operator.table_unconfirmed"
+    if run.chamber.must_stay_closed and run.chamber.unchecked:
+        return "operator.chamber_closed", "operator.chamber_unchecked"
+    if run.chamber.must_stay_closed:
+        return "operator.chamber_unknown", "operator.chamber_unconfirmed"
+    return "", ""
 
 
 def refusal(code: str, error: CalstationError, *, engineer: bool) -> Text:
