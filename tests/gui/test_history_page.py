@@ -5,6 +5,7 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
+import pyqtgraph as pg
 import pytest
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QGuiApplication
@@ -394,6 +395,27 @@ def test_trend_shows_the_parameter_that_failed(page: HistoryPage, folder: Path, 
     assert trend.currentData() == "gyro_bias_y"
     language.use("zh_CN")
     assert trend.currentText() == "陀螺零偏 y"
+    language.use("en")
+
+
+@pytest.mark.parametrize(("code", "words"), [("en", "limits of the selected run"), ("zh_CN", "所选标定的限值")])
+def test_trend_shows_limits_only_at_the_run_that_they_judged(
+    page: HistoryPage, folder: Path, qtbot: QtBot, code: str, words: str
+) -> None:
+    """An earlier run that passed with wider limits does not lie outside the limits of a later one."""
+    limit = 1.0 * DEGREE_PER_HOUR
+    tighter = [check_row("within", "gyro_bias_x", 2 * limit, [-limit, limit], passed=False, unit="rad/s")]
+    write_run(folder, "SN-000001", "failed", timedelta(hours=1), 2.0, checks=tighter)
+    write_run(folder, "SN-000001", "passed", timedelta(hours=2), 2.0)
+    language.use(code)
+    listed_runs(page, qtbot)
+    plot = page.details.trend._plot
+    for row, at, bound in ((0, 1, 1.0), (1, 0, 3.0)):  # the trend begins with the oldest run
+        select_row(page, row, qtbot)
+        curves = [each for each in plot.listDataItems() if isinstance(each, pg.PlotDataItem)]
+        lines = [(list(each.xData), list(each.yData)) for each in curves[1:]]
+        assert lines == [([at - 0.4, at + 0.4], pytest.approx([side * bound] * 2)) for side in (-1, 1)]
+    assert words in plot.getAxis("bottom").labelText
     language.use("en")
 
 

@@ -60,6 +60,8 @@ from calstation.results import Result, lacks_log, number_ranges
 MAX_TREND = 30
 #: Maximum number of listed failed checks, and of dates on the axis of the trend.
 _MAX_FAILED, _MAX_DATES = 8, 4
+#: Half width of the limits of the selected run in the trend, as a fraction of the distance of two runs.
+_LIMIT_WIDTH = 0.4
 #: Vertical margin of the trend as a fraction of its range, and horizontal margin for the outer dates as a fraction of
 #: the number of runs.
 _MARGIN, _DATE_MARGIN = 0.1, 0.06
@@ -77,7 +79,8 @@ class Actions:
 class Trend(QWidget):
     """A plot of a parameter over the runs of a unit.
 
-    A dot is a run that passed, a triangle a run with a changed result, and a cross any other run.
+    A dot is a run that passed, a triangle a run with a changed result, and a cross any other run. Only the selected run
+    has limits, because another run may have been judged by others.
     """
 
     def __init__(self) -> None:
@@ -94,7 +97,7 @@ class Trend(QWidget):
         self._caption.setBuddy(self._combo)
         self._plot = ThemedPlot()
         self._plot.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        self._plot.getAxis("bottom").setHeight(6 * theme.GRID)  # the date and the time are on two lines
+        self._plot.getAxis("bottom").setHeight(8 * theme.GRID)  # the date and the time are on two lines, above a label
         bind(self._plot.setAccessibleName, "history.parameter_over_runs")
         column(row((self._caption, 1), self._combo), (self._plot, 1), on=self, spacing=theme.GRID // 2)
         theme.themes.changed.connect(self.draw)
@@ -153,9 +156,10 @@ class Trend(QWidget):
             antialias=True,
         )
         plot.addItem(dots)
-        bounds = [display(name, bound)[0] for bound in self._limits.get(name, ())]
+        at = np.array([k for k, run in enumerate(runs) if run.name == self._selected])
+        bounds = [display(name, bound)[0] for bound in self._limits.get(name, ()) if at.size]
         for bound in bounds:
-            plot.addLine(y=bound, pen=theme.pen(c.caution, style=Qt.PenStyle.DashLine))
+            plot.plot([at[0] - _LIMIT_WIDTH, at[0] + _LIMIT_WIDTH], [bound, bound], pen=theme.pen(c.caution, 2))
         low, high = min([values.min(), *bounds]), max([values.max(), *bounds])
         pad = _MARGIN * (high - low) or 1.0
         plot.setYRange(low - pad, high + pad, padding=0)
@@ -165,6 +169,7 @@ class Trend(QWidget):
         dates = [(i, local_time(runs[i].record.started_utc).replace(" ", "\n")) for i in range(0, len(runs), step)]
         plot.getAxis("bottom").setTicks([dates])
         plot.setLabel("left", display(name, 0.0)[1])
+        plot.setLabel("bottom", say("history.limits_of_selected") if bounds else "")
 
 
 def _symbol(run: RunRecord) -> str:
