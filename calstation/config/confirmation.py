@@ -19,6 +19,7 @@ class Person:
 
     badge: str
     pin: str = field(default="", repr=False)  #: Empty if no PIN was requested.
+    unlocked: bool = False  #: Whether the personal PIN of the badge has unlocked the engineer role of the window.
 
     def __post_init__(self) -> None:
         """Remove control characters, which some badge readers send."""
@@ -80,7 +81,8 @@ def confirm(
     if is_typed and not engineers and sign_in is not None and not sign_in.knows(first.badge):
         raise ConfigurationError("confirmation.not_a_badge", badge=first.badge)
     if not needed.pin and second is None and not first.pin:
-        return Confirmation(station.person(first.badge))
+        proved = first.unlocked and first.badge in engineers
+        return Confirmation(station.person(first.badge), pin="personal" if proved else None)
     if (needed.second or second is not None) and not engineers:  # the site's single PIN does not identify two people
         raise ConfigurationError("confirmation.no_engineers", station=station.name, product=product.name)
     if needed.second and second is None:

@@ -117,9 +117,9 @@ class StationConfig(StrictModel):
                 raise EntryError("station.due_before_calibration", number, "due", due=due, calibrated=calibrated)
         return instruments
 
-    def person(self, badge: str) -> str:
-        """Return how records name the person with a badge; see `SignInSection.person`."""
-        return badge if self.sign_in is None else self.sign_in.person(badge)
+    def person(self, entered: str) -> str:
+        """Return how records name a person, given by badge or name; see `SignInSection.person`."""
+        return entered if self.sign_in is None else self.sign_in.person(entered)
 
     @property
     def slot_names(self) -> tuple[str, ...]:

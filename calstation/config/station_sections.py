@@ -140,10 +140,14 @@ class SignInSection(StrictModel):
             raise ConfigurationError("station.badge_unknown", badge=badge)
         return self.names.get(badge, badge)
 
-    def person(self, badge: str) -> str:
-        """Return how records name the person with a badge: by name and badge, or as entered if the name is unknown."""
-        name = self.names.get(badge, badge)
-        return badge if name == badge else f"{name} ({badge})"
+    def person(self, entered: str) -> str:
+        """Return how records name a person: by name and badge, or as entered if the station does not know both.
+
+        A name that is common to several badges is kept as it is.
+        """
+        badges = [badge for badge, name in self.names.items() if entered == (badge if entered in self.names else name)]
+        name = self.names[badges[0]] if len(badges) == 1 else entered
+        return entered if len(badges) != 1 or name == badges[0] else f"{name} ({badges[0]})"
 
 
 class SigningSection(StrictModel):

@@ -54,6 +54,16 @@ def test_two_engineers_with_their_pins_confirm() -> None:
     assert confirmation_required("override", product("override"), both).second
 
 
+def test_person_who_unlocked_the_engineer_role_is_identified_only_where_no_pin_is_asked_for() -> None:
+    both = station("B0001", "B0002")
+    li, stranger = Person("B0001", unlocked=True), Person("B0003", unlocked=True)
+    assert confirm("certificate", product(), both, li) == Confirmation("B0001", pin="personal")
+    assert confirm("certificate", product(), both, stranger) == Confirmation("B0003")
+    assert confirm("certificate", product(), station(), li) == Confirmation("B0001")
+    with raises_code(ConfigurationError, "confirmation.wrong_pin"):
+        confirm("revision", product(), both, li)
+
+
 @pytest.mark.parametrize(
     ("first", "second", "code"),
     [

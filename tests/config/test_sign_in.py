@@ -113,3 +113,20 @@ def test_copy_of_a_shipped_product_uses_the_shipped_or_its_own_picture(
 def test_a_product_without_a_picture_has_none(site_folder: SiteFolder) -> None:
     assert run_summary(site_folder.request()).picture is None
     assert "picture" not in PRODUCT
+
+
+@pytest.mark.parametrize(
+    ("entered", "recorded"),
+    [
+        ("B1234", "Li Na (B1234)"),
+        ("Li Na", "Li Na (B1234)"),
+        ("B9999", "B9999"),
+        ("B0001", "Wu Fei (B0001)"),
+        ("Wu Fei", "Wu Fei"),
+        ("B0003", "B0003"),
+        ("Li Na (B1234)", "Li Na (B1234)"),
+    ],
+)
+def test_records_name_a_person_by_name_and_badge(entered: str, recorded: str) -> None:
+    names = {"B1234": "Li Na", "B0001": "Wu Fei", "B0002": "Wu Fei", "B0003": "B0003"}
+    assert SignInSection(**BADGES, names=names).person(entered) == recorded

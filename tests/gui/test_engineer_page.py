@@ -1053,7 +1053,8 @@ def test_two_engineers_confirm_a_write_if_the_product_requires_it(engineer: Engi
     for badge in ("B0001", "B0002"):
         access.set_pin("246813", f"{badge}-", badge)
     flash = str(engineer.site_folder.folder / "flash.bin")
-    sign_in = {"badge_pattern": r"B\d{4}", "engineers": ["B0001", "B0002"]}
+    names = {"B0001": "Li Na", "B0002": "Wang Wei"}
+    sign_in = {"badge_pattern": r"B\d{4}", "engineers": [*names], "names": names}
     engineer.site_folder.write(
         {"confirmation": {"required_for": ["registers"]}}, {"sign_in": sign_in}, flash_file=flash
     )
@@ -1068,7 +1069,7 @@ def test_two_engineers_confirm_a_write_if_the_product_requires_it(engineer: Engi
     engineer.press("registers_confirm_button")
     engineer.until(lambda: "Verified at rest; no turn was made." in engineer.says())
     event = read_audit(audit_path(library.site_folder())).entries[-1]
-    assert (event.event, event.by, event.confirmed_by) == ("registers", "B0001", "B0002")
+    assert (event.event, event.by, event.confirmed_by) == ("registers", "Li Na (B0001)", "Wang Wei (B0002)")
 
 
 @pytest.mark.exhaustive

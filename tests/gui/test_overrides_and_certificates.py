@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QLineEdit, QPushButton, QTableView
 from calstation.config import ConfirmationRequired, access
 from calstation.config.library import shipped_folder
 from calstation.gui.state import PeoplePanel
+from calstation.gui.text import say
 from calstation.records import AuditEvent, Verdict, audit_path, read_audit
 from calstation.results import load_result
 from calstation.sequencer import Finalized, StateChanged
@@ -246,6 +247,43 @@ def test_two_engineers_confirm_a_certificate(operator: Operator) -> None:
     assert "Issued by B0001, B0002. Identity proved by personal PIN." in " ".join(
         " ".join(page.extract_text() for page in pypdf.PdfReader(pdf).pages).split()
     )
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("code", "words"), [("en", "Nobody has signed in. Scan your badge"), ("zh_CN", "尚未登录")])
+def test_first_certificate_is_issued_by_whoever_has_signed_in(operator: Operator, code: str, words: str) -> None:
+    """An engineer who unlocked the engineer role with a personal PIN is identified by it."""
+    names = {"B0001": "Li Na", "B0002": "Wang Wei"}
+    use(operator, {}, sign_in={**ENGINEERS, "names": names})
+    access.set_pin("", "000000")
+    access.set_pin("000000", PINS["B0001"], "B0001")
+    window, badge = operator.window, operator.widget("operator_edit", QLineEdit)
+    window.app.set_language(code)
+    operator.qtbot.keyClicks(badge, "B0002\r")
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    operator.until(lambda: operator.verdict)
+    operator.until_ended()
+    operator.press("sign_out_button")
+    operator.press("certificate_button")
+    operator.until(lambda: words in operator.says())
+    assert not [each for each in events_of(operator) if each.event == "certificate"]
+    operator.press("role_button")
+    fields = {"role_person_edit": "B0001", "pin_edit": PINS["B0001"]}
+    for name, text in fields.items():
+        operator.widget(name, QLineEdit).clear()
+        operator.qtbot.keyClicks(operator.widget(name, QLineEdit), text)
+    operator.press("unlock_button")
+    assert window.app.role.engineer
+    operator.press("certificate_button")
+    operator.until(lambda: say("operator.certificate_issued") in operator.says())
+    (event,) = [each for each in events_of(operator) if each.event == "certificate"]
+    assert (event.by, event.values["pin"], event.values["authorised"]) == (
+        "Li Na (B0001)",
+        "personal",
+        ["Li Na (B0001)"],
+    )
+    window.app.set_language("en")
 
 
 @pytest.mark.long

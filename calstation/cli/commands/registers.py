@@ -191,7 +191,7 @@ def _with_people(operation: RegisterOperation, by: str | None, confirmed_by: str
     required = confirmation_required("registers", product, station)
     first, second = ask_people(by, confirmed_by, operation.request.operator or "", pin=required.pin)
     people = confirm("registers", product, station, first, second)
-    return replace(operation, request=replace(operation.request, operator=people.by), people=people)
+    return replace(operation, request=replace(operation.request, operator=first.badge), people=people)
 
 
 def _announce_and_confirm(operation: RegisterOperation, yes: bool) -> None:

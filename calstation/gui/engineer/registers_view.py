@@ -206,7 +206,7 @@ class RegistersView(QWidget):
             return
         needed = confirmation_required("registers", product, station)
         if not needed.second:
-            self._start(operation)
+            self._start(replace(operation, people=self._app.author))
             return
 
         def confirmed(reason: str, first: Person, second: Person | None) -> None:
@@ -217,7 +217,8 @@ class RegistersView(QWidget):
                 self._people.retry()
                 return
             self._people.hide()
-            self._start(replace(operation, request=replace(operation.request, operator=people.by), people=people))
+            request = replace(operation.request, operator=first.badge)
+            self._start(replace(operation, request=request, people=people))
 
         title = Text.of("engineer.two_engineers", serial=operation.request.serial)
         self._people.ask(title, needed, confirmed, by=self._app.badge or "", reason=False)

@@ -173,9 +173,16 @@ class _IssueButton(_DocumentButton):
         """Return the person at the window, "" if unknown."""
         return (self._app.badge if required.badge else self._app.person) or ""
 
-    def _person(self, required: ConfirmationRequired) -> Person:
-        """Return the person at the window, otherwise the user of the computer."""
-        return Person(self._by(required) or computer_user() or "-")
+    def _person(self, required: ConfirmationRequired) -> Person | None:
+        """Return the person at the window, otherwise the user of the computer.
+
+        Returns None, with a notice, if nobody has signed in at a station with badges.
+        """
+        if required.badge and self._app.badge_required:
+            self._notice.inform("caution", "operator.no_certificate", "operator.certificate_sign_in", self._then)
+            return None
+        unlocked = self._app.author.pin == "personal"
+        return Person(self._by(required) or computer_user() or "-", unlocked=unlocked)
 
 
 class CertificateButton(_IssueButton):
@@ -202,7 +209,8 @@ class CertificateButton(_IssueButton):
         if state.last is None and state.required.second:
             self._ask_people("operator.ask_certificate", state)
         elif state.last is None or (state.pdf is None and not state.changed):
-            self._issue(state, self._person(state.required))
+            if (person := self._person(state.required)) is not None:
+                self._issue(state, person)
         else:
             self._show_issued(state, state.last)
 
@@ -286,7 +294,8 @@ class CertificatesButton(_IssueButton):
         # the slots may have different products; the strictest of them decides
         required = max((state.required for state in missing), key=lambda each: (each.second, each.badge, each.pin))
         if not required.second:
-            self.watch.start([replace(state.request, first=self._person(required)) for state in missing])
+            if (person := self._person(required)) is not None:
+                self.watch.start([replace(state.request, first=person) for state in missing])
             return
 
         def confirmed(_: str, first: Person, second: Person | None) -> None:
