@@ -41,6 +41,7 @@ from calstation.config.product import (
     DetectionSection,
     ProductConfig,
     in_file,
+    known_products,
     load_product,
     manual_product,
     schedule_values,

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -215,6 +215,14 @@ def load_product(path: Path | None) -> tuple[Path, ProductConfig]:
         for error in missing_files(product, path):
             raise error
     return path, product
+
+
+def known_products() -> Iterator[tuple[str, ProductConfig]]:
+    """Yield the name and configuration of each product file of the site and of the program."""
+    for name in library.names("products"):
+        with suppress(ConfigurationError):
+            _, product = load_product(library.find("products", name))
+            yield product.name, product
 
 
 def missing_files(product: ProductConfig, path: Path | None = None) -> Iterator[EntryError]:

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
 
-from calstation.config import load_product
+from calstation.config import known_products, load_product
 from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
@@ -21,7 +21,7 @@ from calstation.parsing import MAX_JSON, read_limited
 from calstation.physics import NAMES, FloatArray, further_parameter
 from calstation.quality.gauge import GaugeStudy, check_size, crossed, gauge_study, ranges_beyond
 from calstation.quality.runs import judged_runs, product_runs
-from calstation.quality.summary import known_products, limit_interval
+from calstation.quality.summary import limit_interval
 from calstation.records import Categories, RunColumns, write_atomic
 from calstation.results import History
 

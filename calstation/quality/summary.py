@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from itertools import compress
@@ -11,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from calstation.config import CheckStandardSection, ProductConfig, library, load_product
+from calstation.config import CheckStandardSection, ProductConfig, known_products, library, load_product
 from calstation.devices.profiles import load_imu_profile
-from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
 from calstation.judgement import reference_variances
 from calstation.physics import INDEX, FloatArray, IntArray, entry_of, further_parameter
@@ -396,14 +394,6 @@ def _charts(
             declared=declared is not None,
             effects=effects,
         )
-
-
-def known_products() -> Iterator[tuple[str, ProductConfig]]:
-    """Yield the name and configuration of each product file of the site and of the program."""
-    for name in library.names("products"):
-        with suppress(ConfigurationError):
-            _, product = load_product(library.find("products", name))
-            yield product.name, product
 
 
 def _share_json(share: Share | None) -> Mapping[str, float] | None:

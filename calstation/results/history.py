@@ -8,6 +8,7 @@ from itertools import pairwise, takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from calstation.config import known_products
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text
@@ -361,17 +362,20 @@ def count_shift(report: ProgressCallback, folder: Path, station: str, since: dat
     """Job: count the runs of a station in a folder that ended at `since` or later.
 
     A run that began before the shift counts in it; it ends after its time on the table. Partial, stopped and
-    faulty runs and runs of check standards are not counted, except partial runs that failed, on their own; a resumed
-    run is counted once. Runs whose files are missing are counted. The units of a batch share its duration.
+    faulty runs are not counted, except partial runs that failed, on their own, nor are runs of check standards
+    according to their results or to a current product file. A resumed run is counted once. Runs whose files are missing
+    are counted. The units of a batch share its duration.
     """
     history = History(folder)
     history.refresh()
+    standards = {standard.serial for _, product in known_products() for standard in product.check_standards}
     begin = f"{since.astimezone(UTC) - _LONGEST_RUN:%Y-%m-%dT%H:%M:%S}"
     conditions = RunFilter(station=station, since=begin, missing=None)
     judged = [
         run
         for run in history.runs(conditions, limit=None)
         if run.verdict in (Verdict.PASSED, Verdict.FAILED) and not run.check_standard
+        if run.serial not in standards
         if datetime.fromisoformat(run.started_utc) + timedelta(seconds=run.duration) >= since
     ]
     runs = [run for run in judged if not run.partial]

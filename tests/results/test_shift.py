@@ -6,7 +6,9 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
+import tomli_w
 
+from calstation.config import library
 from calstation.results import ShiftCount, count_shift, shift_start
 from tests.results.test_history import write
 
@@ -62,6 +64,23 @@ def test_only_passed_or_failed_full_runs_count(tmp_path: Path) -> None:
     assert (count.done, count.passed_share) == (3, 2 / 3)
     assert count_shift(lambda *_: None, tmp_path, "bench 3", since) == ShiftCount()
     assert ShiftCount().passed_share is None
+
+
+def test_earlier_runs_of_a_unit_that_is_now_a_check_standard_do_not_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
+    for name, serial in (("a", "SN-1"), ("b", "SN-2")):
+        write(tmp_path, name, serial, "passed", 2)
+    since = datetime(2026, 11, 2, 16, 0).astimezone()
+    assert count_shift(lambda *_: None, tmp_path, "bench 1", since).passed == 2
+    standard = {"serial": "SN-2", "interval_days": 7, "reference": {"gyro_bias_x": {"value": 0.0, "sigma": 1e-8}}}
+    text = library.find("products", "nav_a").read_text(encoding="utf-8") + tomli_w.dumps(
+        {"check_standards": [standard]}
+    )
+    (tmp_path / "home" / "products").mkdir(parents=True)
+    (tmp_path / "home" / "products" / "nav_a.toml").write_text(text, encoding="utf-8")
+    assert count_shift(lambda *_: None, tmp_path, "bench 1", since).passed == 1
 
 
 def test_units_of_a_batch_share_the_cycle_time(tmp_path: Path) -> None:
