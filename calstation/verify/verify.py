@@ -225,12 +225,13 @@ def verify(source, log_path=None):
 
 
 def _find_log(source, claims, log_path):
-    """Return the log of a certificate: the given one, or the one beside it."""
+    """Return the log of a certificate: the given one, the one beside it, or one in a folder beside its folder."""
     stated = [Path((claim.result or {}).get("log", {}).get("file", "")) for claim in claims]
     beside = [path for name in stated for path in (source.parent / name.name, name)] + [source.with_suffix(".h5")]
+    beside += [path for name in beside for path in sorted(source.absolute().parent.parent.glob(f"*/{name.name}"))]
     found = [Path(log_path)] if log_path else [path for path in beside if path.suffix == ".h5" and path.is_file()]
     if not found:
-        raise UnreadableError(f"the log of {source} is not beside it; give it by --log")
+        raise UnreadableError(f"the log of {source} is not beside it or its folder; give it by --log")
     return found[0]
 
 
@@ -262,7 +263,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the program and return its exit code, see `AGREES`."""
     parser = argparse.ArgumentParser("verify", description="Solve a log independently and compare its certificate.")
     parser.add_argument("source", metavar="CERTIFICATE.pdf|DCC.xml|RESULT.json|LOG.h5")
-    parser.add_argument("--log", metavar="LOG.h5", help="log of the certificate, if it is not beside it")
+    parser.add_argument("--log", metavar="LOG.h5", help="log of the certificate, if it is not beside it or its folder")
     parser.add_argument("--json", metavar="FILE|-", help="write the comparison as JSON")
     options = parser.parse_args(arguments)
     try:

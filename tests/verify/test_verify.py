@@ -264,6 +264,22 @@ def test_a_result_with_entries_of_another_kind_cannot_be_read(
     assert run_app(["verify", str(copied(run, tmp_path, lambda result: result.update(change)))]) == 2
 
 
+@pytest.mark.usefixtures("solved_once")
+def test_log_in_the_folder_of_the_runs_beside_that_of_the_certificates_is_found(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs, certificates = tmp_path / "runs", tmp_path / "certificates"
+    runs.mkdir()
+    certificates.mkdir()
+    source = copied(run, runs, lambda result: result["log"].update(file=run.with_suffix(".h5").name))
+    moved = source.rename(certificates / source.name)
+    monkeypatch.chdir(certificates)
+    assert not codes(Path(moved.name))
+    (runs / source.with_suffix(".h5").name).unlink()
+    assert run_app(["verify", str(moved)]) == 2
+    assert "is not beside it or its folder; give it by --log" in capsys.readouterr().err
+
+
 def test_a_method_that_is_not_covered_is_refused(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = copied(run, tmp_path, lambda result: result.update(stages=["gimbal"]))
     assert run_app(["verify", str(source)]) == verify.NOT_COVERED
