@@ -22,6 +22,7 @@ from pytestqt.qtbot import QtBot
 from calstation.gui.history import HistoryPage
 from calstation.gui.text import language, say
 from calstation.gui.widgets import ThemedPlot, state_colour, state_icon
+from calstation.messages import local_time
 from calstation.physics import DEGREE_PER_HOUR
 from calstation.records import OnlineDifference, append_resolve, resolve_file
 from calstation.results import load_result
@@ -201,6 +202,24 @@ def test_selected_runs_are_compared_side_by_side(page: HistoryPage, runs: dict[s
     qtbot.mouseClick(button(page, "comparison_back_button"), Qt.MouseButton.LeftButton)
     assert page.table.isVisible()
     assert len(page.table.selected_runs) == 3
+
+
+def test_runs_of_one_unit_are_told_apart_on_a_small_screen(
+    page: HistoryPage, runs: dict[str, Path], qtbot: QtBot
+) -> None:
+    page.resize(1100, 600)
+    listed_runs(page, qtbot)
+    table = compare(page, (0, 2, 4), qtbot)
+    header = table.horizontalHeader()
+    columns = range(table.model().columnCount())
+    assert [k for k in columns if header.sectionSize(k) < header.sectionSizeFromContents(k).width()] == []
+    heading = str(table.model().headerData(6, Qt.Orientation.Horizontal)).split("\n")
+    assert heading == ["▲ SN-000001", *local_time(started(runs["new"])).split()]
+
+
+def started(result: Path) -> str:
+    """Return the start of a run from its result file."""
+    return str(json.loads(result.read_text("utf-8"))["started_utc"])
 
 
 def test_value_missing_in_one_run_has_no_difference(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:

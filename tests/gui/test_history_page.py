@@ -398,7 +398,7 @@ def test_trend_shows_the_parameter_that_failed(page: HistoryPage, folder: Path, 
     language.use("en")
 
 
-@pytest.mark.parametrize(("code", "words"), [("en", "limits of the selected run"), ("zh_CN", "所选标定的限值")])
+@pytest.mark.parametrize(("code", "words"), [("en", "limits of the selected run"), ("zh_CN", "所选标定的限差")])
 def test_trend_shows_limits_only_at_the_run_that_they_judged(
     page: HistoryPage, folder: Path, qtbot: QtBot, code: str, words: str
 ) -> None:
@@ -415,7 +415,7 @@ def test_trend_shows_limits_only_at_the_run_that_they_judged(
         curves = [each for each in plot.listDataItems() if isinstance(each, pg.PlotDataItem)]
         lines = [(list(each.xData), list(each.yData)) for each in curves[1:]]
         assert lines == [([at - 0.4, at + 0.4], pytest.approx([side * bound] * 2)) for side in (-1, 1)]
-    assert words in plot.getAxis("bottom").labelText
+    assert words in page.findChild(QLabel, "trend_label").text()
     language.use("en")
 
 

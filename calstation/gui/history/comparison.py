@@ -50,7 +50,10 @@ class RunComparison(QWidget):
         self._title = label(kind="section")
         self._note = label(kind="muted", wrap=True, name="comparison_note_label")
         self.table = ComparisonTable("run_comparison_table", "history.compared_parameters", independent=True)
-        self.table.horizontalHeader().setMinimumHeight(6 * theme.GRID)  # serial number and time on two lines
+        self.table.horizontalHeader().setTextElideMode(
+            Qt.TextElideMode.ElideNone
+        )  # Qt elides lines as if they were one
+        self.table.horizontalHeader().setMinimumHeight(8 * theme.GRID)  # serial number, date and time on three lines
         self.plot = ComparisonPlot()
         body = split((self.table, 13), (self.plot, 9), handle=2 * theme.GRID)
         column(row(back_button, self._title, None, spacing=2 * theme.GRID), self._note, (body, 1), on=self)
@@ -75,7 +78,8 @@ class RunComparison(QWidget):
 
         def heading() -> str:
             mark = f"\n{term('badge', run.badge)}" if run.altered else ""
-            return f"{_SYMBOLS[k][1]} {run.serial}\n{local_time(run.started_utc)}{mark}"
+            date, _, time = local_time(run.started_utc).partition(" ")
+            return f"{_SYMBOLS[k][1]} {run.serial}\n{date}\n{time}{mark}"
 
         return heading
 

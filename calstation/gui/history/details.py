@@ -97,21 +97,24 @@ class Trend(QWidget):
         self._caption.setBuddy(self._combo)
         self._plot = ThemedPlot()
         self._plot.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        self._plot.getAxis("bottom").setHeight(8 * theme.GRID)  # the date and the time are on two lines, above a label
+        self._plot.getAxis("bottom").setHeight(6 * theme.GRID)  # the date and the time are on two lines
         bind(self._plot.setAccessibleName, "history.parameter_over_runs")
         column(row((self._caption, 1), self._combo), (self._plot, 1), on=self, spacing=theme.GRID // 2)
         theme.themes.changed.connect(self.draw)
         on_language_change(self, self._show_texts)
 
     def _show_texts(self) -> None:
-        """Show the names of the parameters and the caption."""
+        """Show the names of the parameters, and the plot with its caption."""
         names = [self._combo.itemData(number) for number in range(self._combo.count())]
         fill_combo(self._combo, [(parameter_text(name), name) for name in names])
+        self.draw()
+
+    def _show_caption(self, *, limited: bool) -> None:
         product = self._runs[-1].record.product if self._runs else None
-        if product is None:
-            self._caption.setText(say("history.runs_of_this_unit"))
-        else:
-            self._caption.setText(say("history.runs_of_unit_as", product=product_text(product)))
+        runs = say("history.runs_of_this_unit")
+        if product is not None:
+            runs = say("history.runs_of_unit_as", product=product_text(product))
+        self._caption.setText(say("history.runs_with_limits", runs=runs) if limited else runs)
 
     def show_runs(self, runs: Sequence[IndexedRun], selected: str, result: Result | None) -> None:
         """Show the solved runs of a unit as one product, the oldest first; `selected` is the run with `result`.
@@ -130,7 +133,6 @@ class Trend(QWidget):
         self.has_values = bool(names)
         self.setVisible(self.has_values)
         self._show_texts()
-        self.draw()
 
     def draw(self) -> None:
         """Plot the selected parameter."""
@@ -169,7 +171,7 @@ class Trend(QWidget):
         dates = [(i, local_time(runs[i].record.started_utc).replace(" ", "\n")) for i in range(0, len(runs), step)]
         plot.getAxis("bottom").setTicks([dates])
         plot.setLabel("left", display(name, 0.0)[1])
-        plot.setLabel("bottom", say("history.limits_of_selected") if bounds else "")
+        self._show_caption(limited=bool(bounds))
 
 
 def _symbol(run: RunRecord) -> str:

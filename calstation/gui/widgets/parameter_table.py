@@ -219,7 +219,7 @@ class ParameterTable(QTableView):
         theme.on_appearance_change(self, model.refresh)
 
     def fit_columns(self) -> None:
-        """Fit the columns to their contents, and distribute the free width or elide the widest column.
+        """Fit the columns to their contents, and distribute the free width or elide the widest down to its heading.
 
         A hidden table is fitted when it is shown.
         """
@@ -234,7 +234,8 @@ class ParameterTable(QTableView):
                 self.setColumnWidth(i, self.columnWidth(i) + share + (k < remainder))
         elif visible:
             widest = max(visible, key=self.columnWidth)
-            self.setColumnWidth(widest, max(self.columnWidth(widest) + free, _MIN_WIDTH))
+            least = max(self.horizontalHeader().sectionSizeFromContents(widest).width(), _MIN_WIDTH)
+            self.setColumnWidth(widest, max(self.columnWidth(widest) + free, least))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Fit the columns to the new width."""
