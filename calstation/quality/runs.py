@@ -11,18 +11,19 @@ from calstation.records import RunColumns, RunFilter, Verdict
 from calstation.results import History
 
 
-def product_runs(folder: Path, product: str, station: str = "") -> RunColumns:
+def product_runs(folder: Path, product: str, station: str = "", *, measured: bool = False) -> RunColumns:
     """Return the runs of a product and a station in a folder, "" for all of them, from the folder's index.
 
+    If `measured`, simulated runs are left out.
     They include runs whose files are missing. They are read again only if the index has changed or the last call was
     for other runs, so that filtering 100,000 runs does not read them again.
     """
-    return _columns(folder, product, station, History(folder).mark())
+    return _columns(folder, product, station, History(folder).mark(), measured)
 
 
 @lru_cache(maxsize=3)
-def _columns(folder: Path, product: str, station: str, mark: str | None) -> RunColumns:
-    return History(folder).columns(RunFilter(product=product, station=station, missing=None))
+def _columns(folder: Path, product: str, station: str, mark: str | None, measured: bool) -> RunColumns:
+    return History(folder, measured=measured).columns(RunFilter(product=product, station=station, missing=None))
 
 
 def judged_runs(runs: RunColumns, *, missing: bool = False) -> IntArray:

@@ -59,10 +59,10 @@ def station_quality(
     Raises ConfigurationError if the station or product file cannot be used.
     """
     (_, station_config), (_, product_config) = load_station(station), load_product(product)
-    now, history = datetime.now(UTC), History(folder)
+    now, history = datetime.now(UTC), History.at(folder, station_config)
     standards = tuple(_standard_histories(station_config, product_config, history, now))
     report(0.8)
-    runs = product_runs(folder, product_config.name)
+    runs = product_runs(folder, product_config.name, measured=station_config.bench is None)
     return StationQuality(
         standards,
         tuple(station_config.instruments),

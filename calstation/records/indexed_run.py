@@ -52,6 +52,7 @@ class RunRecord:
     unconfirmed: bool = False
     missing: bool = False  #: Whether its files are gone or unreadable; the entries are then those they had before.
     resumable: bool = False  #: Whether the run ended early after a stage or a temperature that need not be repeated.
+    simulated: bool = False  #: Whether the virtual bench generated the samples.
     result_sha256: str = ""  #: Digest of the result file, with which it is compared if its log is missing.
 
     @property
@@ -141,6 +142,7 @@ class RunFilter:
     verdict: str = ""
     altered: bool | None = None  #: Whether the result file differs from the log; None means no condition.
     missing: bool | None = False  #: Whether the files of the run are missing; None means no condition.
+    simulated: bool | None = None  #: Whether the run was simulated; None means no condition.
     product: str = ""
     station: str = ""
     operator: str = ""

@@ -37,6 +37,7 @@ from calstation.records.run_tables import (
     CHANGED,
     LATEST,
     MARK,
+    MEASURED,
     METADATA,
     NO_CHECKS,
     PRESENT,
@@ -50,7 +51,7 @@ from calstation.records.run_tables import (
 from calstation.records.verdict import Verdict
 
 #: Version of the table layout; an index of another version is rebuilt.
-_VERSION = 20
+_VERSION = 21
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
@@ -249,6 +250,7 @@ class RunIndex:
         product: str | None = "",
         *,
         missing: bool = False,
+        measured: bool = False,
     ) -> list[IndexedRun]:
         """Return runs of a unit, the latest first.
 
@@ -260,8 +262,11 @@ class RunIndex:
         limit : largest number of runs; None for no limit
         product : product of the runs; "" for any product
         missing : whether to include runs whose files are missing
+        measured : whether to leave out simulated runs
         """
         query = sa.select(RUNS).where(RUNS.c.serial == serial)
+        if measured:
+            query = query.where(MEASURED)
         if not missing:
             query = query.where(PRESENT)
         if product != "":
@@ -272,26 +277,30 @@ class RunIndex:
             query = query.where(RUNS.c.started_utc < before)
         return self._select_runs(query.order_by(*LATEST).limit(limit))
 
-    def passed_units(self) -> set[str]:
-        """Return the serial numbers of the units with a run that passed and was not partial."""
-        passed = RUNS.c.verdict == Verdict.PASSED, sa.not_(RUNS.c.partial), PRESENT
-        rows = self._try(lambda connection: _rows(connection, sa.select(RUNS.c.serial).where(*passed).distinct()))
+    def passed_units(self, *, measured: bool = False) -> set[str]:
+        """Return the serial numbers of the units with a run that passed and was not partial; see `of_unit`."""
+        query = sa.select(RUNS.c.serial).where(RUNS.c.verdict == Verdict.PASSED, sa.not_(RUNS.c.partial), PRESENT)
+        query = query.where(MEASURED) if measured else query
+        rows = self._try(lambda connection: _rows(connection, query.distinct()))
         return {serial for (serial,) in rows}
 
-    def attempts(self, serial: str) -> int:
+    def attempts(self, serial: str, *, measured: bool = False) -> int:
         """Return the number of runs started for a unit, also without files; a resumed run counts once.
 
         It is at least the largest attempt number of a run, because the index may have been built without some runs.
+        Simulated and measured runs are numbered separately at stations with hardware, so that only the more numerous
+        ones count. If `measured`, simulated runs do not count.
         """
-        query = sa.select(sa.func.count()).select_from(RUNS)
-        query = query.where(RUNS.c.serial == serial, RUNS.c.resumed_from.is_(None))
-        count = self._try(lambda connection: int(connection.execute(query).scalar_one()))
-        return max([count, *self.attempt_numbers(serial)])
+        query = sa.select(sa.func.count()).where(RUNS.c.serial == serial, RUNS.c.resumed_from.is_(None))
+        query = query.where(MEASURED) if measured else query.group_by(RUNS.c.simulated)
+        counts = self._try(lambda connection: _rows(connection, query))
+        return max([*(int(row[0]) for row in counts), *self.attempt_numbers(serial, measured=measured), 0])
 
-    def attempt_numbers(self, serial: str) -> list[int]:
-        """Return the different attempt numbers of the runs of a unit, also without files."""
+    def attempt_numbers(self, serial: str, *, measured: bool = False) -> list[int]:
+        """Return the different attempt numbers of the runs of a unit, also without files; see `attempts`."""
         number = sa.func.json_extract(RUNS.c.content, "$.attempt")
         query = sa.select(number).where(RUNS.c.serial == serial).distinct()
+        query = query.where(MEASURED) if measured else query
         return [int(row[0]) for row in self._try(lambda connection: _rows(connection, query))]
 
     def columns(self, conditions: RunFilter) -> RunColumns:

@@ -22,8 +22,9 @@ NO_CHECKS = "[]"
 #: `numbers` contains the values of all parameters and of the table's quantities, followed by their sigmas, as float64,
 #: so that 100,000 runs are read at once without parsing.
 _SEARCHED = ("serial", "started_utc", "verdict", "product", "station", "operator", "resumed_from", "batch", "slot")
+_FLAGS = ("altered", "missing", "simulated")
 #: Columns of the conditions, which have a separate index, so that a query does not read the contents of other runs.
-_FILTERED = ("started_utc", "name", "verdict", "altered", "missing", "product", "station", "operator", "batch", "text")
+_FILTERED = ("started_utc", "name", "verdict", *_FLAGS, "product", "station", "operator", "batch", "text")
 METADATA = sa.MetaData()
 RUNS = sa.Table(
     "runs",
@@ -37,6 +38,7 @@ RUNS = sa.Table(
     sa.Column("partial", sa.Boolean, nullable=False),
     sa.Column("altered", sa.Boolean, nullable=False),
     sa.Column("missing", sa.Boolean, nullable=False),
+    sa.Column("simulated", sa.Boolean, nullable=False),
     sa.Column("check_standard", sa.Boolean, nullable=False),
     sa.Column("failed_checks", sa.String, nullable=False),
     sa.Column("parameters", sa.String, nullable=False),
@@ -60,6 +62,7 @@ ACKNOWLEDGED_AT = sa.Table("acknowledged_at", METADATA, sa.Column("revision", sa
 #: One row, added by the first change of the runs, with a random value that every change replaces.
 CHANGED = sa.Table("changed", METADATA, sa.Column("mark", sa.String, primary_key=True))
 PRESENT = sa.not_(RUNS.c.missing)
+MEASURED = sa.not_(RUNS.c.simulated)
 MARK = sa.select(CHANGED.c.mark)
 LATEST = (RUNS.c.started_utc.desc(), RUNS.c.name.desc())
 ROWID: sa.ColumnElement[int] = sa.literal_column("runs.rowid", sa.Integer)
@@ -81,6 +84,8 @@ def conditions_of(run_filter: RunFilter) -> list[sa.ColumnElement[bool]]:
         conditions.append(RUNS.c.altered == run_filter.altered)
     if run_filter.missing is not None:
         conditions.append(RUNS.c.missing == run_filter.missing)
+    if run_filter.simulated is not None:
+        conditions.append(RUNS.c.simulated == run_filter.simulated)
     if run_filter.since:
         conditions.append(RUNS.c.started_utc >= run_filter.since)
     if run_filter.before:
@@ -107,5 +112,6 @@ def row_of(run: IndexedRun) -> dict[str, Any]:
     columns["partial"] = record.partial
     columns["altered"] = record.altered
     columns["missing"] = record.missing
+    columns["simulated"] = record.simulated
     columns["check_standard"] = record.check_standard
     return {"origin": record.origin, "name": run.name, "stamp": run.stamp, **columns, **to_columns(run)}

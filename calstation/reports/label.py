@@ -17,7 +17,7 @@ from calstation.messages import local_time, os_reason
 from calstation.records import IssuedReport, Verdict, issued_reports, write_atomic
 from calstation.reports.content import certificate_number
 from calstation.reports.pdf import compile_template
-from calstation.results import History, Result, load_run_result
+from calstation.results import History, Result, load_run_result, was_simulated
 
 #: Timeout for connecting to a printer and for sending a label, host time, s.
 _TIMEOUT_S = 5.0
@@ -43,10 +43,11 @@ def print_label(report: ProgressCallback, result_file: Path, station: Path | Non
     no printer, or DeviceFaultError if the printer cannot be reached.
     """
     result = load_run_result(result_file, require_log=True)
+    result = result.model_copy(update={"simulated": was_simulated(result, result_file)})
     template = label_template(result)
     if template is None:
         raise InputError("label.not_passed", serial=result.serial)
-    history = History(result_file.parent)
+    history = History(result_file.parent, measured=not result.simulated)
     history.refresh()
     failed = history.failed_after(result.serial, result.started_utc or "")
     if failed is not None:
@@ -90,7 +91,7 @@ def label_fields(result: Result, folder: Path | None = None) -> dict[str, str]:
         "product": result.product or "",
         "station": result.station or "",
         "operator": result.operator or "",
-        "verdict": "PASS",
+        "verdict": "SIMULATED" if result.simulated else "PASS",
         "date": date,
         "time": time,
         "attempt": str(result.attempt),

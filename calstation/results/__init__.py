@@ -79,6 +79,7 @@ from calstation.results.stated import (
     override_of,
     require_recorded_release,
     run_log,
+    was_simulated,
 )
 from calstation.results.stored_runs import ended_result, lacks_log, result_doubt
 from calstation.results.temperature import compensate_samples, known_temperatures

@@ -119,6 +119,7 @@ def stated_by_log(meta: LogMeta, facts: LogFacts) -> dict[str, Any]:
     run = meta.run
     return {
         "unit": {"serial": meta.imu.serial},
+        "simulated": meta.is_simulated,
         "attempt": run.attempt if run else 1,
         "operator": run.operator if run else None,
         "station": run.station if run else None,

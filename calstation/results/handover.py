@@ -47,6 +47,7 @@ COLUMNS: dict[str, Callable[[Result], Any]] = {
     "configuration_sha256": lambda r: r.configuration_sha256,
     "log_sha256": lambda r: r.log.sha256,
     "log": lambda r: r.log.file,
+    "simulated": lambda r: int(r.simulated),
 }
 
 
@@ -165,7 +166,6 @@ def _hand_over(runs: Path, name: str, folder: Path) -> None:
 
 def _append(folder: Path, name: str, result: Result) -> None:
     """Append the run's line unless it exists, and before it the header in a new file, in one write."""
-    cells = [_cell(column(result)) for column in COLUMNS.values()]
     end = f",{name}.json\n"  # exact, because another program opens the file
     with ExitStack() as stack:
         try:
@@ -182,10 +182,18 @@ def _append(folder: Path, name: str, result: Result) -> None:
         tail = os.read(handle, _TAIL)
         if end.encode() in tail:
             return
+        cells = [_cell(COLUMNS[name](result)) for name in _columns(handle)]
         begin = "" if not tail or tail.endswith(b"\n") else "\n"  # the last line may be truncated by a power failure
         header = "" if size else for_csv([[*COLUMNS, "result"]])
         os.write(handle, (begin + header + for_csv([cells]).removesuffix("\n") + end).encode())
         os.fsync(handle)
+
+
+def _columns(handle: int) -> list[str]:
+    """Return the columns of the open CSV, which an earlier version without the last ones may have begun."""
+    os.lseek(handle, 0, os.SEEK_SET)
+    names = os.read(handle, _TAIL).partition(b"\n")[0].decode(errors="replace").strip().split(",")
+    return names[:-1] if {*names[:-1]} <= COLUMNS.keys() and names[-1] == "result" else [*COLUMNS]
 
 
 def _cell(value: Any) -> str:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime, time, timedelta
 from itertools import pairwise, takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from calstation.config import known_products
+from calstation.config import StationConfig, known_products
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text
@@ -49,14 +49,20 @@ NO_FILTER = RunFilter()
 class History:
     """The runs of a folder; queries read an index, which `refresh` updates from the files."""
 
-    def __init__(self, folder: Path, index: "RunIndex | None" = None) -> None:
-        """Open the history of a folder, with its index if that is already open."""
+    def __init__(self, folder: Path, index: "RunIndex | None" = None, *, measured: bool = False) -> None:
+        """Open the history of a folder, with its index if that is already open; if `measured`, of no simulated runs."""
         from calstation.records import RunIndex  # loads SQLAlchemy
 
+        self._measured = measured
         self._folder = folder
         self._index = RunIndex(folder) if index is None else index
         #: Stamp of the file with the offline solutions, and its content.
         self._resolves: tuple[tuple[int, int] | None, list[ResolveRecord]] = (None, [])
+
+    @classmethod
+    def at(cls, folder: Path, station: StationConfig) -> "History":
+        """Open the history of the runs that count at a station: simulated ones do not at a station with hardware."""
+        return cls(folder, measured=station.bench is None)
 
     def one_connection(self) -> AbstractContextManager[None]:
         """Use one connection to the index for all queries in this context, which is faster."""
@@ -103,15 +109,16 @@ class History:
         order: RunOrder = LATEST_FIRST,
     ) -> list[RunRecord]:
         """Return at most `limit` runs that meet all conditions, in this order from `offset`."""
-        return self._query(lambda: self._index.records(conditions, limit, offset, order))
+        scope = self._scope(conditions)
+        return self._query(lambda: self._index.records(scope, limit, offset, order))
 
     def indexed(self, conditions: RunFilter, limit: int | None = None) -> list[IndexedRun]:
         """Return at most `limit` runs that meet all conditions with their values, the latest first."""
-        return self._query(lambda: self._index.find(conditions, limit))
+        return self._query(lambda: self._index.find(self._scope(conditions), limit))
 
     def columns(self, conditions: RunFilter = NO_FILTER) -> RunColumns:
         """Return the runs that meet all conditions and have a start time as columns, the oldest first."""
-        return self._query(lambda: self._index.columns(conditions))
+        return self._query(lambda: self._index.columns(self._scope(conditions)))
 
     def mark(self) -> str | None:
         """Return a value that changes with the indexed runs; None if there are none."""
@@ -123,7 +130,7 @@ class History:
 
     def counts(self, conditions: RunFilter) -> tuple[int, int]:
         """Return the number of runs that meet all conditions, and the number of those whose files are not missing."""
-        return self._query(lambda: self._index.counts(conditions))
+        return self._query(lambda: self._index.counts(self._scope(conditions)))
 
     def choices(self) -> RunChoices:
         """Return the products, stations and operators of the runs, and their earliest start."""
@@ -131,24 +138,24 @@ class History:
 
     def of(self, serial: str) -> list[RunRecord]:
         """Return all runs of a unit, the latest first."""
-        return [run.record for run in self._query(lambda: self._index.of_unit(serial))]
+        return [run.record for run in self._of_unit(serial)]
 
     def passed(self, serial: str) -> list[RunRecord]:
         """Return the unit's runs that passed, partial ones included, the latest first."""
-        return [run.record for run in self._query(lambda: self._index.of_unit(serial, _PASSED))]
+        return [run.record for run in self._of_unit(serial, _PASSED)]
 
     def passed_units(self) -> set[str]:
         """Return the serial numbers of the units that passed a run that was not partial."""
-        return self._query(self._index.passed_units)
+        return self._query(lambda: self._index.passed_units(measured=self._measured))
 
     def passed_before(self, serial: str) -> RunRecord | None:
         """Return the unit's latest run that passed and was not partial, also without files, or None."""
-        runs = self._query(lambda: self._index.of_unit(serial, _PASSED, missing=True))
+        runs = self._of_unit(serial, _PASSED, missing=True)
         return next((run.record for run in runs if not run.record.partial), None)
 
     def failed_last(self, serial: str) -> bool:
         """Return whether the unit's latest run with a verdict failed; partial runs do not count."""
-        runs = self._query(lambda: self._index.of_unit(serial, (*_PASSED, Verdict.FAILED), missing=True))
+        runs = self._of_unit(serial, _SOLVED, missing=True)
         return next((run.record.verdict is Verdict.FAILED for run in runs if not run.record.partial), False)
 
     def failed_after(self, serial: str, started_utc: str) -> RunRecord | None:
@@ -156,7 +163,7 @@ class History:
 
         Failed partial runs count, and so do runs whose files are missing, as for `failures`.
         """
-        runs = self._query(lambda: self._index.of_unit(serial, (Verdict.PASSED, Verdict.FAILED), missing=True))
+        runs = self._of_unit(serial, (Verdict.PASSED, Verdict.FAILED), missing=True)
         failed = runs[0].record if runs and runs[0].record.verdict is Verdict.FAILED else None
         return failed if failed is not None and failed.started_utc > started_utc else None
 
@@ -230,7 +237,7 @@ class History:
 
     def attempts(self, serial: str) -> int:
         """Return the number of runs of the unit, also without files; a resumed run counts once."""
-        return self._query(lambda: self._index.attempts(serial))
+        return self._query(lambda: self._index.attempts(serial, measured=self._measured))
 
     def absent_attempts(self, serial: str) -> list[tuple[int, int]]:
         """Return the attempt numbers of the unit of which no run is known, as ranges: first and last."""
@@ -243,7 +250,7 @@ class History:
         and index does not permit further attempts.
         """
         verdicts = Verdict.PASSED, Verdict.FAILED
-        runs = self._query(lambda: self._index.of_unit(serial, verdicts, missing=True, product=product))
+        runs = self._of_unit(serial, verdicts, missing=True, product=product)
         failed = list(takewhile(lambda run: run.record.verdict is Verdict.FAILED, runs))
         passed = runs[len(failed)].record.attempt if len(failed) < len(runs) else 0
         return len(failed) + sum(
@@ -258,13 +265,20 @@ class History:
         Runs as another product are omitted, because its parameters may be relative to other nominal values. `before` is
         the exclusive upper limit of the start, ISO 8601.
         """
-        earlier = self._query(lambda: self._index.of_unit(serial, _SOLVED, before, product=product))
+        earlier = self._of_unit(serial, _SOLVED, before, product=product)
         runs = [run for run in earlier if run.values]
         return _latest(runs), runs[0].record.started_utc if runs else ""
 
     def solved(self, serial: str, product: str | None, limit: int) -> list[IndexedRun]:
         """Return the unit's solved runs as a product with values, at most the latest `limit`, the oldest first."""
-        return self._query(lambda: self._index.of_unit(serial, _SOLVED, limit=limit, product=product))[::-1]
+        return self._of_unit(serial, _SOLVED, limit=limit, product=product)[::-1]
+
+    def _of_unit(self, *conditions: Any, **more: Any) -> list[IndexedRun]:
+        """Return the runs of a unit, see `RunIndex.of_unit`."""
+        return self._query(lambda: self._index.of_unit(*conditions, **more, measured=self._measured))
+
+    def _scope(self, conditions: RunFilter) -> RunFilter:
+        return replace(conditions, simulated=False) if self._measured else conditions
 
     def _query(self, query: Callable[[], T]) -> T:
         result = query()
@@ -358,15 +372,17 @@ def shift_start(starts: Iterable[str], now: datetime | None = None) -> datetime:
 _LONGEST_RUN = timedelta(days=1)
 
 
-def count_shift(report: ProgressCallback, folder: Path, station: str, since: datetime) -> ShiftCount:
-    """Job: count the runs of a station in a folder that ended at `since` or later.
+def count_shift(
+    report: ProgressCallback, folder: Path, station: str, since: datetime, *, measured: bool = False
+) -> ShiftCount:
+    """Job: count the runs of a station in a folder that ended at `since` or later; only measured ones if `measured`.
 
     A run that began before the shift counts in it; it ends after its time on the table. Partial, stopped and
     faulty runs are not counted, except partial runs that failed, on their own, nor are runs of check standards
     according to their results or to a current product file. A resumed run is counted once. Runs whose files are missing
     are counted. The units of a batch share its duration.
     """
-    history = History(folder)
+    history = History(folder, measured=measured)
     history.refresh()
     standards = {standard.serial for _, product in known_products() for standard in product.check_standards}
     begin = f"{since.astimezone(UTC) - _LONGEST_RUN:%Y-%m-%dT%H:%M:%S}"

@@ -34,7 +34,7 @@ from calstation.results.stored_runs import lacks_log
 _BATCH, _FILTER = {"rate": 2.5, "six_position": 1.0}, 10.0
 
 #: Columns with 1 or 0: run is partial, its unit was released, its result file was changed, its log is missing.
-_FLAGS = ("partial", "released", "result_changed", "log_missing")
+_FLAGS = ("partial", "simulated", "released", "result_changed", "log_missing")
 #: First columns of exported runs, before the values and sigmas of the parameters.
 _RUN_COLUMNS = (
     "serial",
@@ -222,7 +222,7 @@ def _run_rows(runs: Sequence[IndexedRun]) -> Iterator[list[Any]]:
         cells: list[Any] = [record.serial, record.started_utc, record.duration, record.product, record.station]
         cells += [record.operator, record.attempt, str(record.verdict), " ".join(record.stages)]
         cells += ["; ".join(check.name for check in run.failed_checks), record.batch, record.slot]
-        cells += map(int, (record.partial, record.released, record.altered, lacks_log(record)))
+        cells += map(int, (record.partial, record.simulated, record.released, record.altered, lacks_log(record)))
         for name in names:
             cells += [run.values[name], run.sigmas.get(name, math.nan)] if name in run.values else [None, None]
         yield cells

@@ -132,7 +132,7 @@ def _expected_meta(setup: RunConfiguration) -> LogMeta:
     meta, folder = setup.log_meta(), setup.request.out
     if not is_partial(meta) or not folder.is_dir():
         return meta
-    history = History(folder)
+    history = History.at(folder, setup.station)
     history.refresh()
     calibration, _ = current_calibration(history, setup, None)
     return meta if calibration is None else calibration.prior(setup, meta)

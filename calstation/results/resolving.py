@@ -291,7 +291,7 @@ def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> Finis
     previous: Mapping[str, Parameter] = {}
     previous_utc = ""
     if runs.is_dir():
-        history = History(runs)
+        history = History(runs, measured=not result.simulated)
         history.refresh()
         previous, previous_utc = history.previous(result.serial, result.product, result.started_utc)
     return FinishedRun(result, log, previous, _step_labels(log), previous_utc)

@@ -9,6 +9,7 @@ import json
 import math
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -103,6 +104,14 @@ def _status(file: Path) -> os.stat_result | None:
         return file.stat()
     except OSError:
         return None
+
+
+def was_simulated(result: Result, path: Path) -> bool:
+    """Return whether a run was simulated; a result file of an earlier version does not state it, but its log does."""
+    log = None if "simulated" in result.model_fields_set else run_log(result.log.file, path)
+    with suppress(InputError):
+        return result.simulated if log is None else open_log(log).meta.is_simulated
+    return False
 
 
 def run_log(file: str, path: Path) -> Path | None:

@@ -30,6 +30,7 @@ from calstation.results.stated import (
     content_digest,
     load_confirmed_result,
     require_recorded_release,
+    was_simulated,
 )
 
 #: Largest number of an attempt; the index cannot store any integer of a result.
@@ -243,6 +244,7 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
         batch=result.batch,
         slot=result.slot,
         resumable=result.advice == "resume",
+        simulated=was_simulated(result, folder / f"{name}.json"),
     )
     finite = {name: row for name, row in result.parameters.items() if math.isfinite(row.value)}
     values = {name: row.value for name, row in finite.items()}
@@ -271,5 +273,6 @@ def _from_log(folder: Path, name: str, stamp: str, contents: Log) -> IndexedRun:
         batch=run.batch if run else None,
         slot=run.slot if run else None,
         resumable=can_be_resumed(contents.events),
+        simulated=meta.is_simulated,
     )
     return IndexedRun(name, stamp, record, {}, {})

@@ -213,7 +213,7 @@ def prepare(
     _check_folder(request.out)
     for log in finish_incomplete(request.out):
         emit(Message("incomplete_run", {"log": str(log)}))
-    history, started = History(request.out), datetime.now(UTC)
+    history, started = History.at(request.out, setups[0].station), datetime.now(UTC)
     history.refresh()
     if any(setup.imu.registers for setup in setups):
         intact_trail(site_folder(), request.out)  # nothing is written to a unit on a changed trail

@@ -118,9 +118,9 @@ class Resumable:
         return self.completed.stages
 
 
-def resumable_run(folder: Path, serial: str, station: str) -> Resumable | None:
-    """Return the run of a unit that a station can resume according to the index of a folder of runs, or None."""
-    return best_run(History(folder).of(serial), station)
+def resumable_run(history: History, serial: str, station: str) -> Resumable | None:
+    """Return the run of a unit that a station can resume according to the runs that count at it, or None."""
+    return best_run(history.of(serial), station)
 
 
 def best_run(runs: Sequence[RunRecord], station: str | None) -> Resumable | None:

@@ -67,7 +67,7 @@ class RunStart:
 
         Raises ConfigurationError or InputError if the run is not possible as requested.
         """
-        self._role, self._history = role, History(request.out)
+        self._role, self._history = role, History.at(request.out, load_station(request.station)[1])
         self._answered: set[Subject] = set()
         self._interrupted: Interrupted | None = None
         self._set_request(_complete_request(request, self._history))
@@ -163,7 +163,7 @@ class RunStart:
             slots = {serial: slot for slot, serial in zip(station.slot_names, request.serials, strict=False) if serial}
             self._interrupted = interrupted_units(self._history, slots, station.name)
         else:
-            run = resumable_run(request.out, request.serial, station.name)
+            run = resumable_run(self._history, request.serial, station.name)
             self._interrupted = None if run is None else Interrupted((run,))
         if self._interrupted is None:
             return None

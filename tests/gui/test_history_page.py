@@ -519,3 +519,16 @@ def test_details_say_that_written_registers_are_not_verified(
     reason = page.findChild(QLabel, "history_reason_label")
     assert reason is not None
     qtbot.waitUntil(lambda: stated in reason.text(), timeout=WAIT)
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_list_and_details_say_that_a_run_was_simulated(
+    page: HistoryPage, folder: Path, qtbot: QtBot, code: str
+) -> None:
+    language.use(code)
+    write_run(folder, "SN-000001", "passed", timedelta(hours=1), simulated=True)
+    write_run(folder, "SN-000002", "passed", timedelta(hours=2))
+    simulated, measured = ("PASS, simulated", "PASS") if code == "en" else ("合格，模拟", "合格")
+    assert listed_runs(page, qtbot) == [("SN-000001", simulated), ("SN-000002", measured)]
+    assert page.details.badge.text().startswith(simulated)
+    language.use("en")

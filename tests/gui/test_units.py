@@ -274,6 +274,22 @@ def test_scans_give_a_sound_and_each_unit_is_confirmed_once(
     assert len(started) == 1
 
 
+def test_simulated_pass_of_a_unit_is_no_attempt_on_hardware(hardware: Operator, started: list[RunRequest]) -> None:
+    runs = hardware.site_folder.runs
+    runs.mkdir()
+    for number, simulated in ((1, True), (2, False)):
+        serial = f"SN-00000{number}"
+        write_result(runs, f"{serial}_20261101T000000", number, serial=serial, simulated=simulated)
+    History(runs).refresh()
+    for number in (1, 2, 3):
+        hardware.scan(f"SN-00000{number}")
+    simulated, measured = (tile(hardware, f"slot_{slot}_tile").accessibleName() for slot in "AB")
+    assert "accepted" in simulated
+    assert "attempt 2, already passed" in measured
+    hardware.press("start_button")
+    assert "Units that have already passed: SN-000002\n" in hardware.says()
+
+
 @pytest.mark.long
 def test_confirmations_for_several_units_are_asked_one_after_another(
     hardware: Operator, started: list[RunRequest]

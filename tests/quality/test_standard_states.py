@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tomli_w
 
 from calstation.config import (
     CheckStandardSection,
@@ -18,13 +19,15 @@ from calstation.config import (
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import Posterior
+from calstation.estimation.positions import TABLE_QUANTITIES
 from calstation.judgement import judge_standard
 from calstation.physics import COUNT
 from calstation.quality import StandardState, judge_result, require_standards, standard_states, station_quality
-from calstation.results import Result
-from tests.helpers import raises_code, write_log_of
+from calstation.records import RunFilter
+from calstation.results import History, Result
+from tests.helpers import ignore_progress, raises_code, write_log_of
 from tests.results.test_history import refreshed, write
-from tests.site_folder import SiteFolder
+from tests.site_folder import STATION, SiteFolder
 
 NOW = datetime(2026, 11, 23, tzinfo=UTC)
 STANDARD = CheckStandardSection.model_validate(
@@ -67,6 +70,37 @@ def test_failed_latest_run_stops_production_even_if_its_values_agree(runs: Path)
     assert found.last_passed == datetime(2026, 11, 20, 8, tzinfo=UTC)
     store(runs, "third", 22, "passed")
     assert state(runs).problem is None
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_simulated_run_shows_nothing_about_a_station_with_hardware(runs: Path, simulated: bool) -> None:
+    """The runs of the bench are in the same folder, from a station with the same name."""
+    (runs / "first.json").unlink()
+    table = {name: {"value": 1e-5, "sigma": 1e-6} for name in TABLE_QUANTITIES}
+    for day in range(1, 21):
+        store(runs, f"run{day}", day, "passed", simulated=simulated, table=table)
+    history = refreshed(runs)
+    _, product = load_product(runs.parent / "product.toml")
+    bench, hardware = runs.parent / "station.toml", runs.parent / "hardware.toml"
+    hardware.write_text(
+        tomli_w.dumps(
+            {
+                **STATION,
+                "table": {"profile": "bench", "port": "tcp://127.0.0.1:1"},
+                "imu": {"port": "socket://127.0.0.1:2"},
+            }
+        ),
+        "utf-8",
+    )
+    shown = {True: (0, "never"), False: (20, None)}[simulated]
+    for path, (count, reason) in ((bench, (20, None)), (hardware, shown)):
+        _, station = load_station(path)
+        (found,) = standard_states(station, product, History.at(runs, station), NOW)
+        assert (None if found.problem is None else found.problem.reason) == reason
+        quality = station_quality(ignore_progress, runs, path, runs.parent / "product.toml")
+        assert [len(each.names) for each in quality.standards] == [count]
+        assert bool(quality.table) == (count > 0)
+    assert history.count(RunFilter()) == 20
 
 
 def test_deleting_the_files_of_a_failed_run_does_not_permit_production(runs: Path) -> None:

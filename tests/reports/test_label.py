@@ -14,11 +14,13 @@ import zxingcpp
 from calstation.config.library import shipped_folder
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
 from calstation.messages import Language, local_time, render
+from calstation.records import LogMeta, RawLogWriter
 from calstation.reports import label_template, print_label, print_labels
 from calstation.reports.label import label_fields, qr_code
 from calstation.results import Result, load_result
 from tests.helpers import raises_code, write_log_of
 from tests.issued_records import issue_in_records
+from tests.records.records_samples import META
 from tests.reports.test_fonts import RARE, fonts_of, write_font
 from tests.site_folder import BENCH, PRODUCT, STATION
 
@@ -256,3 +258,21 @@ def test_unit_with_limits_that_no_stage_judged_gets_no_label(site: Path) -> None
     use_template(site, "label.typ", "#set page(width: 50mm, height: 30mm)\n#sys.inputs.serial")
     known = {"not_compared": ["gyro_bias_x"], "unobservable": ["gyro_bias_x"]}  # from the calibration before
     assert printed(site, **known) is not None
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_label_of_a_simulated_run_says_so(site: Path, stated: bool) -> None:
+    """The result of an earlier version does not state it, but the log does."""
+    use_template(site, "label.zpl", "^XA^FD$serial $verdict^FS^XZ")
+    path = site / "runs" / "SN-000042_1.json"
+    path.write_text(json.dumps({**RESULT, "simulated": True} if stated else RESULT), encoding="utf-8")
+    run = {"stages": ["rate"], "software": "0.1", "started_utc": RESULT["started_utc"], "seed": 5}
+    writer = RawLogWriter(path.with_suffix(".h5"), LogMeta.model_validate({**META, "run": run}))
+    writer.add_result(json.loads(path.read_text("utf-8")))
+    writer.close("passed")
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        station = write_station(site, label={"printer": f"tcp://127.0.0.1:{server.getsockname()[1]}"})
+        print_label(lambda *_: None, path, station)
+        connection, _ = server.accept()
+        with connection, connection.makefile("rb") as stream:
+            assert stream.read().decode() == "^XA^FDSN-000042 SIMULATED^FS^XZ"

@@ -23,7 +23,8 @@ def folder(tmp_path: Path) -> Path:
     made.mkdir()
     check = check_row("within", "gyro_bias_x", 0.3, [-0.2, 0.2], passed=False, unit="rad/s")
     write(made, "a", "SN-1", "failed", 1, values={"gyro_bias_y": 5.0, "gyro_bias_x": 0.1 + 0.2}, checks=[check])
-    write(made, "b", "SN=2, x", "passed", 2, values={"accel_bias_z": 1e-9}, partial=True, batch="B-7", slot="A1")
+    flags = {"partial": True, "simulated": True}
+    write(made, "b", "SN=2, x", "passed", 2, values={"accel_bias_z": 1e-9}, **flags, batch="B-7", slot="A1")
     run = {"stages": ["rate"], "software": "0.1", "started_utc": "2026-11-03T08:00:00+00:00"}
     writer = RawLogWriter(tmp_path / "x.h5", LogMeta.model_validate({**META, "run": run}))
     writer.append(make_block("rate", 0, 10))
@@ -90,8 +91,8 @@ def test_csv_row_has_the_values_and_sigmas_of_its_run(folder: Path, tmp_path: Pa
     assert (failed["serial"], failed["started_utc"]) == ("SN-1", "2026-11-01T08:00:00+00:00")
     assert (failed["product"], failed["station"], failed["operator"]) == ("Navigation grade A", "bench 1", "li")
     assert (failed["batch"], failed["slot"], partial["batch"], partial["slot"]) == ("", "", "B-7", "A1")
-    flags = ("partial", "released", "result_changed", "log_missing")
-    assert [[row[name] for name in flags] for row in (partial, failed)] == [["1", "0", "0", "1"], ["0", "0", "0", "1"]]
+    flags = ("partial", "simulated", "released", "result_changed", "log_missing")
+    assert ["".join(row[name] for name in flags) for row in (partial, failed)] == ["11001", "00001"]
     assert (partial["serial"], partial["accel_bias_z_sigma [m/s²]"], partial["gyro_bias_x [rad/s]"]) == (
         "SN=2, x",
         "1.0",

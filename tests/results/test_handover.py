@@ -93,6 +93,23 @@ def test_result_is_copied_and_one_line_added(factory: Factory) -> None:
     assert left == {"SN-1_a.json", "SN-2_b.json", CSV_NAME, ".handover.lock"}
 
 
+def test_line_states_whether_the_run_was_simulated(factory: Factory) -> None:
+    factory.result("SN-1_a", simulated=True)
+    factory.result("SN-2_b", simulated=False)
+    factory.hand_over()
+    assert [row["simulated"] for row in factory.rows()] == ["1", "0"]
+
+
+def test_file_of_an_earlier_version_keeps_its_columns(factory: Factory) -> None:
+    names = [name for name in COLUMNS if name != "simulated"]
+    (factory.folder / CSV_NAME).write_text(",".join([*names, "result"]) + "\n", "utf-8")
+    factory.result("SN-1_a", simulated=True)
+    factory.hand_over()
+    (row,) = factory.rows()
+    assert list(row) == [*names, "result"]
+    assert (row["serial"], row["log"], row["result"]) == ("SN-1", "SN-1_a.h5", "SN-1_a.json")
+
+
 def test_incomplete_run_is_delivered_with_its_stages_and_the_reason_of_its_end(factory: Factory) -> None:
     factory.result("SN-1_a", "incomplete", stages=[], finished_stages=["rate"])
     factory.result("SN-2_b", "stopped", stages=["rate"], stop_reason="listener_lost")

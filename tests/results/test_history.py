@@ -41,6 +41,9 @@ from tests.check_rows import check_row
 from tests.helpers import raises_code, write_log_of
 from tests.records.records_samples import META, make_block
 
+#: Product of the runs that `write` writes.
+PRODUCT = "Navigation grade A"
+
 
 def write(folder: Path, name: str, serial: str, outcome: str, day: int, **more: Any) -> Path:
     """Write the result of a run without its log."""
@@ -55,7 +58,7 @@ def write(folder: Path, name: str, serial: str, outcome: str, day: int, **more: 
         "attempt": 1,
         "operator": "li",
         "station": "bench 1",
-        "product": "Navigation grade A",
+        "product": PRODUCT,
         "log": {"file": f"/elsewhere/{name}.h5"},
         "started_utc": f"2026-11-{day:02d}T08:00:00+00:00",
         "duration_s": 100.0,
@@ -343,6 +346,39 @@ def test_release_that_the_audit_trail_does_not_record_is_no_release(
     history.read_again(run)
     assert [run.badge for run in history.runs()] == ["released"]
     assert check_runs(tmp_path)[0] == []
+
+
+def test_simulated_runs_of_a_unit_do_not_count_at_a_station_with_hardware(tmp_path: Path) -> None:
+    for attempt in (1, 2, 3):
+        write(tmp_path, f"bench{attempt}", "SN-1", "passed", attempt, attempt=attempt, simulated=True)
+    history, hardware = refreshed(tmp_path), History(tmp_path, measured=True)
+    assert (history.attempts("SN-1"), hardware.attempts("SN-1")) == (3, 0)
+    assert (history.passed_units(), hardware.passed_units()) == ({"SN-1"}, set())
+    assert (hardware.passed_before("SN-1"), hardware.passed("SN-1"), hardware.of("SN-1")) == (None, [], [])
+    assert history.passed_before("SN-1") is not None
+    write(tmp_path, "bench4", "SN-1", "failed", 4, attempt=4, simulated=True)
+    write(tmp_path, "table1", "SN-1", "passed", 5, simulated=False, values={"gyro_bias_x": 0.5})
+    write(tmp_path, "bench5", "SN-1", "failed", 6, attempt=5, simulated=True, values={"gyro_bias_x": 9.0})
+    history.refresh()
+    assert (history.attempts("SN-1"), hardware.attempts("SN-1")) == (5, 1), "each is one more than the last of its kind"
+    assert history.absent_attempts("SN-1") == hardware.absent_attempts("SN-1") == []
+    assert (history.failed_last("SN-1"), hardware.failed_last("SN-1")) == (True, False)
+    assert (history.failures("SN-1", PRODUCT), hardware.failures("SN-1", PRODUCT)) == (1, 0)
+    assert hardware.previous("SN-1", PRODUCT)[0]["gyro_bias_x"].value == 0.5
+    assert [run.simulated for run in history.runs()] == [True, False, True, True, True, True]
+    assert [run.log.stem for run in hardware.runs()] == ["table1"]
+
+
+@pytest.mark.parametrize("seed", [None, 5])
+def test_log_of_an_earlier_version_states_whether_its_run_was_simulated(tmp_path: Path, seed: int | None) -> None:
+    path = write(tmp_path, "a", "SN-1", "passed", 1)
+    run = {"stages": ["rate"], "software": "0.1", "started_utc": "2026-11-03T08:00:00+00:00", "seed": seed}
+    writer = RawLogWriter(path.with_suffix(".h5"), LogMeta.model_validate({**META, "run": run}))
+    writer.add_result(json.loads(path.read_text("utf-8")))
+    writer.close("passed")
+    assert [run.simulated for run in refreshed(tmp_path).runs()] == [seed is not None]
+    path.unlink()
+    assert [run.simulated for run in refreshed(tmp_path).runs()] == [seed is not None]
 
 
 @pytest.mark.parametrize("damage", ["delete", "garbage", "other version"])

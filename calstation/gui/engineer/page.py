@@ -294,7 +294,7 @@ class EngineerPage(Page):
         if refusal is None and slots.next is not None:
             self.notice.dismiss()
             self._header.serial_edit.clear()
-            slots.fill(slots.next, serial, self.app.runs_folder)
+            slots.fill(slots.next, serial, self.app.history())
         else:
             self.notice.ask("caution", refusal or "", "")
 

@@ -292,8 +292,9 @@ def stages_text(run: RunRecord) -> str:
 
 
 def run_outcome(run: RunRecord) -> str:
-    """Return the outcome of a run, such as ``FAIL (partial)``, and whether only its log is missing."""
+    """Return the outcome of a run, such as ``FAIL (partial)``, whether it is simulated, or only its log is missing."""
     outcome = outcome_text(run.badge, partial=run.partial and bool(run.stages))
+    outcome = say("history.outcome_simulated", outcome=outcome) if run.simulated else outcome
     return say("history.outcome_without_log", outcome=outcome) if lacks_log(run) and not run.missing else outcome
 
 

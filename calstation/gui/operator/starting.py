@@ -145,7 +145,7 @@ class RunStarter(QObject):
         self.slots.remove_units(only_suggested=True)
         serials = {unit.slot: unit.serial for unit in units}
         for slot in [slot for slot in self.slots if slot.name in serials]:
-            self.slots.fill(slot, serials[slot.name], self._app.runs_folder)
+            self.slots.fill(slot, serials[slot.name], self._app.history())
         self._show_slots()
         self.slots.leave_out_others()
 
@@ -196,7 +196,7 @@ class RunStarter(QObject):
             here = journal_folder(load_station(self._app.station_path)[1], folder)
             if transfer_open(here, serial):
                 return True
-        return resumable_run(folder, serial, station) is not None
+        return resumable_run(self._app.history(), serial, station) is not None
 
     @property
     def asking(self) -> bool:
@@ -277,7 +277,7 @@ class RunStarter(QObject):
         if slots.next is not None:
             serial, slot = header.serial, self._last_slot(header.serial, self.run_summary.station) or slots.next
             moved = slot is not slots.next
-            self.slots.fill(slot, serial, self._app.runs_folder)
+            self.slots.fill(slot, serial, self._app.history())
             self._app.claim(*slots.units)
             header.set_serial("")
             self._notice.dismiss()
@@ -287,7 +287,7 @@ class RunStarter(QObject):
             self._await_start() if slots.full else header.focus_scan()
             return True
         self._app.claim(header.serial)
-        earlier = EarlierRuns.of(self._app.runs_folder, header.serial)
+        earlier = EarlierRuns.of(self._app.history(), header.serial)
         header.note_serial(say(earlier.note), accepted=True)
         self._await_start()
         return True

@@ -18,6 +18,7 @@ from calstation.gui.state.station_windows import StationWindows
 from calstation.gui.text import language
 from calstation.gui.widgets import JobWatch, Slot, theme
 from calstation.jobs import JobQueue
+from calstation.results import History
 
 
 def _warm_up() -> None:
@@ -132,6 +133,13 @@ class AppContext(QObject):
         """Return how records name the person who entered a badge or a name."""
         sign_in = self._sign_in
         return entered if sign_in is None else sign_in.person(entered)
+
+    def history(self) -> History:
+        """Open the history of the runs that count at the station; of all runs if its file cannot be read."""
+        try:
+            return History.at(self.runs_folder, load_station(self.station_path)[1])
+        except CalstationError:
+            return History(self.runs_folder)
 
     def engineer_badge(self, entered: str) -> str:
         """Return a badge that the station lists as that of an engineer, otherwise ""."""

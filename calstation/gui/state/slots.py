@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
 
@@ -22,9 +21,8 @@ class EarlierRuns:
     failed: bool = False  #: Whether the unit failed the last of them with a verdict.
 
     @classmethod
-    def of(cls, folder: Path, serial: str) -> "EarlierRuns":
-        """Return the earlier runs of a unit in a folder."""
-        history = History(folder)
+    def of(cls, history: History, serial: str) -> "EarlierRuns":
+        """Return the earlier runs of a unit."""
         return cls(history.attempts(serial), history.passed_before(serial) is not None, history.failed_last(serial))
 
     @property
@@ -133,14 +131,14 @@ class Slots(QObject):
                 slot.suggested = bool(slot.serial)
         self.changed.emit()
 
-    def fill(self, slot: Slot, serial: str, folder: Path) -> None:
-        """Assign a unit with earlier runs in a folder to a slot, and remove a suggestion of its serial number."""
+    def fill(self, slot: Slot, serial: str, history: History) -> None:
+        """Assign a unit with its earlier runs to a slot, and remove a suggestion of its serial number."""
         for other in self._slots:
             if other.serial == serial:
                 other.serial, other.suggested = "", False
             if other is not slot and other.last is not None and other.last[0] == serial:
                 other.last = None
-        slot.serial, slot.earlier = serial, EarlierRuns.of(folder, serial)
+        slot.serial, slot.earlier = serial, EarlierRuns.of(history, serial)
         slot.suggested = slot.skipped = slot.left_out = False
         self._chosen = None
         self.changed.emit()

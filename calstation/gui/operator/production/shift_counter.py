@@ -44,7 +44,7 @@ class ShiftCounter(PlainLabel):
         if since != self._since:
             self._since, self._count = since, None
         if summary is not None and folder.is_dir():
-            self._watch.start(folder, summary.station, since)
+            self._watch.start(folder, summary.station, since, measured=not summary.virtual)
         else:
             self._count = ShiftCount()
         self._show_count()
