@@ -161,6 +161,7 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
     dcc = dcc if signer is None else sign_xml(dcc, signer)
     digital = Attachment(f"{certificate.identification}.xml", "application/xml", dcc, "alternative")
     embedded = [digital, *attachments(certificate)]
+    embedded_xml = _digests({Path(digital.name): dcc})
     pdf = typeset(certificate, analysis, request.language, embedded, request.templates)
     out = request.out
     if out.is_dir():
@@ -170,10 +171,11 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
         written[request.dcc] = dcc
     unwritten = {path: content for path, content in written.items() if not _is_written(path, content)}
     if record is not None:
-        _record(log, certificate, before, record, confirmation, _digests(written))
+        _record(log, certificate, before, record, confirmation, files=_digests(written), embedded=embedded_xml)
     elif unwritten:
-        by, number = _issuer(_files(log.meta, request.source), request), certificate.identification
-        append_audit(site_folder(), "certificate_printed", by, certificate=number, pin=None, files=_digests(unwritten))
+        by = _issuer(_files(log.meta, request.source), request)
+        values = {"certificate": certificate.identification, "pin": None, "files": _digests(unwritten)}
+        append_audit(site_folder(), "certificate_printed", by, **values, embedded=embedded_xml)
     for path, content in unwritten.items():
         _write(path, content)
     report(1.0)
@@ -301,7 +303,7 @@ def _record(
     before: list[IssuedReport],
     record: IssuedReport,
     people: Confirmation,
-    files: Mapping[str, str],
+    **digests: Mapping[str, str],
 ) -> None:
     """Write the issue of a certificate to the audit trail, then to the record of issued reports.
 
@@ -311,7 +313,7 @@ def _record(
     before : earlier reports with its number
     record : the new report
     people : persons who issue and confirm it
-    files : SHA-256 of its files by name
+    digests : SHA-256 by name of its ``files``, and of the XML that is ``embedded`` in its PDF
 
     Raises
     ------
@@ -337,7 +339,7 @@ def _record(
                     confirmed_by=people.confirmed_by,
                     pin=people.pin,
                     reports=reports_head(folder),
-                    files=files,
+                    **digests,
                     **values,
                 )
             complete_reports(folder, verify_trail(site_folder()))

@@ -14,7 +14,7 @@ from calstation.reports.request import station_request
 
 @dataclass(frozen=True)
 class IssuedPdf:
-    """The PDF of an issued certificate, and the SHA-256 of all files that were written for this certificate."""
+    """The PDF of an issued certificate, and the SHA-256 of all files of this certificate."""
 
     path: Path
     digests: frozenset[str]  #: Empty if the audit trail does not contain the issue, for example of another site.
@@ -51,9 +51,9 @@ def find_pdfs(folder: Path, identifications: Sequence[str], languages: Sequence[
 
 
 def file_digests(values: Mapping[str, object]) -> list[object]:
-    """Return the SHA-256 of the files in an event of the audit trail."""
-    files = values.get("files")
-    return list(files.values()) if isinstance(files, dict) else []
+    """Return the SHA-256 of the files in an event of the audit trail, also of one that is embedded in another."""
+    parts = (values.get(name) for name in ("files", "embedded"))
+    return [digest for part in parts if isinstance(part, dict) for digest in part.values()]
 
 
 @dataclass(frozen=True)

@@ -151,9 +151,8 @@ def _unrecorded_files(folders: Sequence[Path], runs: Path) -> tuple[list[Text], 
     A file that states the trail of this site is a fault, because the trail contains all files that the site has issued.
     """
     values = [each.values for each in site_events(site_folder())]
-    recorded = [files for each in values if isinstance(files := each.get("files"), dict)]
-    names = {Path(name).name for files in recorded for name in files}
-    digests = {digest for files in recorded for digest in files.values()}
+    names = {Path(name).name for each in values if isinstance(files := each.get("files"), dict) for name in files}
+    digests = {digest for each in values for digest in file_digests(each)}
     numbers = {each.identification for each in report_file(runs).read().entries}
     keys = {key for _, trail in site_trails(site_folder()) if (key := public_key(trail)) is not None}
     faults: list[Text] = []

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import h5py
 import pytest
+from pypdf import PdfReader
 
 from calstation.cli.app import run_app
 from calstation.config import site_folder
@@ -77,6 +78,19 @@ def test_intact_evidence_is_confirmed(site: Path) -> None:
     assert [find_heads((site / name).read_bytes()) == [] for name in ("first.pdf", "r1.pdf")] == [True, False]
     assert verify_reports(site / "runs").intact
     assert calstation("check", site / "runs" / "reports.jsonl") == 0
+
+
+@pytest.mark.parametrize("name", ["first", "r1"])
+def test_digital_certificate_extracted_from_its_pdf_is_confirmed(site: Path, name: str) -> None:
+    """The second certificate was issued without a separate digital certificate."""
+    attached = PdfReader(site / f"{name}.pdf").attachments
+    ((file, (content,)),) = ((file, parts) for file, parts in attached.items() if file.endswith(".xml"))
+    path = site / file
+    path.write_bytes(content)
+    state = verify_certificate(path)
+    assert (state.intact, state.findings[0].code) == (True, "audit.file_recorded")
+    path.write_bytes(content.replace(b"SN-", b"SM-", 1))
+    assert not verify_certificate(path).intact
 
 
 @pytest.mark.parametrize("name", ["r1.pdf", "first.xml"])
