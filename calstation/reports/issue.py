@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from pathlib import Path
+from typing import Any, Literal
 
 from calstation import __version__
 from calstation.config import (
@@ -56,20 +57,25 @@ from calstation.results import Result, run_files
 _READ, _ANALYSED = 0.1, 0.97
 
 
+#: What has changed since the last certificate was issued: the unit was released, the program was updated, the result or
+#: the templates were changed, or a certificate with the same number was issued for a copy of the log.
+Change = Literal["released", "program", "content", "copy"]
+
+
 @dataclass(frozen=True)
 class IssueState:
     """Settings of a station for the certificate of a result, and the last certificate issued for this result.
 
     last : last certificate with the same number; None if there is none, or if the number is unknown before the log is
         solved
-    changed : whether result, templates or program have changed since, so that it cannot be printed again
+    changes : what has changed since, so that it cannot be printed again
     pdf : PDF of the last certificate in the language of the request; None if it is missing
     """
 
     request: ReportRequest
     required: ConfirmationRequired
     last: IssuedReport | None = None
-    changed: bool = False
+    changes: tuple[Change, ...] = ()
     pdf: IssuedPdf | None = None
 
 
@@ -90,9 +96,9 @@ def issue_state(report: ProgressCallback, result_file: Path, station: Path | Non
     if not issued:
         return IssueState(request, required)
     result, log = load_source(report, request.source)
-    changed = _find_reprint(issued, _digest(result, log.meta, request.templates)) is None
+    changes = _changes(result, log.meta, request.templates, issued)
     (pdf,) = find_pdfs(request.out, [issued[-1].identification], [request.language])
-    return IssueState(request, required, issued[-1], changed, pdf)
+    return IssueState(request, required, issued[-1], changes, pdf)
 
 
 def states_of_issue(
@@ -173,8 +179,8 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
     if record is not None:
         _record(log, certificate, before, record, confirmation, files=_digests(written), embedded=embedded_xml)
     elif unwritten:
-        by = _issuer(_files(log.meta, request.source), request)
-        values = {"certificate": certificate.identification, "pin": None, "files": _digests(unwritten)}
+        by, number = _issuer(_files(log.meta, request.source), request), certificate.identification
+        values: dict[str, Any] = {"certificate": number, "pin": None, "files": _digests(unwritten)}
         append_audit(site_folder(), "certificate_printed", by, **values, embedded=embedded_xml)
     for path, content in unwritten.items():
         _write(path, content)
@@ -229,7 +235,7 @@ def _number_certificate(
 ) -> tuple[Certificate, list[IssuedReport], IssuedReport | None]:
     """Return the numbered certificate, the records with its number, and the record of a new issue or None."""
     _check_dates(result, request)
-    number, digest = certificate_number(result), _digest(result, log.meta, request.templates)
+    number, digest = certificate_number(result), _digest(result.to_json(), log.meta, request.templates)
     earlier = _find_issued(log, number)
     last = earlier[-1] if earlier else None
     last_date = None if last is None else date.fromisoformat(last.issued)
@@ -291,6 +297,19 @@ def _find_reprint(
     """
     latest = [each for each in records if each.revision == records[-1].revision]
     return latest[0] if len(latest) == 1 and _is_same(latest[0], digest, issued, received) else None
+
+
+def _changes(result: Result, meta: LogMeta, templates: Path | None, records: list[IssuedReport]) -> tuple[Change, ...]:
+    """Return what has changed since the last of `records`, or () if it can be printed again."""
+    content, last = result.to_json(), records[-1]
+    if _find_reprint(records, _digest(content, meta, templates)) is not None:
+        return ()
+    program: tuple[Change, ...] = () if last.software == __version__ else ("program",)
+    if _digest(content, meta, templates, last.software) == last.content_sha256:
+        return program or ("copy",)
+    without_release = {key: value for key, value in content.items() if key != "override"}
+    released = _digest(without_release, meta, templates, last.software) == last.content_sha256
+    return ("released" if released else "content", *program)
 
 
 def _is_same(each: IssuedReport, digest: str, issued: str | None, received: str | None) -> bool:
@@ -363,10 +382,12 @@ def _with_record(certificate: Certificate, record: IssuedReport, records: list[I
     )
 
 
-def _digest(result: Result, meta: LogMeta, folder: Path | None) -> str:
-    """Return the digest of the sources of a certificate: result, configuration, program and templates."""
-    content = json.dumps(result.to_json(), sort_keys=True) + meta.to_json() + __version__
-    digest = hashlib.sha256(content.encode())
+def _digest(content: Mapping[str, Any], meta: LogMeta, folder: Path | None, version: str | None = None) -> str:
+    """Return the digest of the sources of a certificate: result, configuration, program and templates.
+
+    `version` is that of the program, by default the present one.
+    """
+    digest = hashlib.sha256((json.dumps(content, sort_keys=True) + meta.to_json() + (version or __version__)).encode())
     for name, template in sorted(used_templates(folder).items()):
         digest.update(name.encode() + hashlib.sha256(template).digest())
     return digest.hexdigest()

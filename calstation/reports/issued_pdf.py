@@ -65,6 +65,7 @@ class IssuedCertificate:
     intact: bool | None = None  #: As `IssuedPdf.intact`; None without a PDF.
     #: Names of the persons who issued it, from the report or the audit trail; a name that no PIN proved says so.
     people: tuple[str, ...] = ()
+    released_since: bool = False  #: Whether the unit was released after its issue, according to the audit trail.
 
 
 def issued_certificates(
@@ -80,16 +81,30 @@ def issued_certificates(
     issued = issued_reports(log.absolute().parent, site_events(site_folder()), log.stem)
     languages: tuple[Language, ...] = (language, "zh_CN" if language == "en" else "en")
     pdfs = find_pdfs(folder, [each.identification for each in issued], languages)
-    people = _issuers(config, language)
+    people, released = _issuers(config, language), _issued_before_release()
     return [
         IssuedCertificate(
             each,
             pdf,
             None if pdf is None else pdf.intact(),
             each.authorised or people.get((each.identification, each.content_sha256), ()),
+            (each.identification, each.content_sha256) in released,
         )
         for each, pdf in zip(issued, pdfs, strict=True)
     ]
+
+
+def _issued_before_release() -> set[tuple[object, object]]:
+    """Return number and digest of the certificates after whose issue the unit of the run was released."""
+    open_, released = dict[object, set[tuple[object, object]]](), set[tuple[object, object]]()
+    for event in site_events(site_folder()):
+        log = event.values.get("log_sha256")
+        if event.event == "certificate":
+            identity = event.values.get("certificate"), event.values.get("content_sha256")
+            open_.setdefault(log, set()).add(identity)
+        elif event.event == "override":
+            released |= open_.pop(log, set())
+    return released
 
 
 def _issuers(station: StationConfig, language: Language) -> dict[tuple[object, object], tuple[str, ...]]:

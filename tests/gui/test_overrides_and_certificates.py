@@ -8,7 +8,7 @@ import pypdf
 import pytest
 from PySide6.QtCore import QUrl
 from PySide6.QtGui import QDesktopServices
-from PySide6.QtWidgets import QLineEdit, QPushButton, QTableView
+from PySide6.QtWidgets import QLabel, QLineEdit, QPushButton, QTableView
 
 from calstation.config import ConfirmationRequired, access
 from calstation.config.library import shipped_folder
@@ -153,6 +153,8 @@ def test_certificate_is_issued_from_the_verdict_and_from_the_history(
     operator.press("history_certificate_button")
     operator.until(lambda: "have changed since" in operator.says())
     operator.press("certificate_revise_button")
+    note = operator.widget("history_certificate_button_note_label", QLabel)
+    assert note.text() == "Laboratory and customer come from the log of the run; a revision cannot correct them."
     fill(operator, "history_certificate_button", reason="new form", badge="Li Na")
     operator.press("history_certificate_button_confirm_button")
     operator.until(lambda: "The certificate was issued" in operator.says())
@@ -299,6 +301,11 @@ def test_revision_is_issued_only_by_an_engineer_with_a_pin(operator: Operator) -
     operator.press("history_certificate_button")
     operator.until(lambda: "was issued on" in operator.says())
     operator.press("certificate_revise_button")
+    note = operator.widget("history_certificate_button_note_label", QLabel)
+    assert "Only number, date and reason will differ." in note.text()
+    operator.window.app.set_language("zh_CN")
+    assert "只有编号、日期和理由会不同" in note.text()
+    operator.window.app.set_language("en")
     fields = {"reason": "typing error", "badge": "Dr A. Li", "pin": "111111"}
     fill(operator, "history_certificate_button", **fields)
     for changed, answer in (

@@ -255,22 +255,26 @@ def test_issuers_are_those_of_the_audit_trail(site_folder: SiteFolder) -> None:
 
 
 @pytest.mark.parametrize(
-    ("intact", "exists", "last", "altered", "state"),
+    ("intact", "exists", "last", "altered", "released", "state"),
     [
-        (True, True, True, False, ("good", "history.certificate_valid")),
-        (None, False, True, False, ("caution", "history.certificate_without_file")),
-        (None, True, True, False, ("caution", "history.certificate_unverified")),
-        (False, True, True, False, ("bad", "history.certificate_changed")),
-        (False, True, False, False, ("bad", "history.certificate_replaced_changed")),
-        (True, True, True, True, ("caution", "history.certificate_result_changed")),
-        (None, False, True, True, ("caution", "history.certificate_result_changed")),
-        (False, True, True, True, ("bad", "history.certificate_changed")),
-        (True, True, False, False, ("none", "history.certificate_replaced")),
+        (True, True, True, False, False, ("good", "history.certificate_valid")),
+        (None, False, True, False, False, ("caution", "history.certificate_without_file")),
+        (None, True, True, False, False, ("caution", "history.certificate_unverified")),
+        (False, True, True, False, False, ("bad", "history.certificate_changed")),
+        (False, True, False, False, False, ("bad", "history.certificate_replaced_changed")),
+        (True, True, True, True, False, ("caution", "history.certificate_result_changed")),
+        (None, False, True, True, False, ("caution", "history.certificate_result_changed")),
+        (False, True, True, True, False, ("bad", "history.certificate_changed")),
+        (True, True, False, False, False, ("none", "history.certificate_replaced")),
+        (True, True, False, False, True, ("none", "history.certificate_replaced")),
+        (True, True, True, False, True, ("caution", "history.certificate_released")),
+        (True, True, True, True, True, ("caution", "history.certificate_result_changed")),
     ],
 )
 def test_state_of_a_certificate_is_that_of_its_file(
-    intact: bool | None, exists: bool, last: bool, altered: bool, state: tuple[str, str], tmp_path: Path
+    intact: bool | None, exists: bool, last: bool, altered: bool, released: bool, state: tuple[str, str], tmp_path: Path
 ) -> None:
     report = IssuedReport("N-1", 0, "2026-11-20", None, "0" * 64, "0.1")
     pdf = IssuedPdf(tmp_path / "N-1.pdf", frozenset()) if exists else None
-    assert _state(IssuedCertificate(report, pdf, intact), last=last, altered=altered) == state
+    certificate = IssuedCertificate(report, pdf, intact, released_since=released)
+    assert _state(certificate, last=last, altered=altered) == state

@@ -14,13 +14,13 @@ import pytest
 import tomli_w
 
 from calstation.cli.app import run_app
-from calstation.config import Person, access, load_configuration
+from calstation.config import Person, access, load_configuration, site_folder
 from calstation.config.library import shipped_folder
 from calstation.devices.imu import Closing, Step
 from calstation.messages import event_text, sentence
 from calstation.records import audit_path, open_log, read_audit, read_reports, report_file
 from calstation.registers import journal
-from calstation.reports import certificate_number, issue
+from calstation.reports import certificate_number, issue, issue_state, issued_certificates
 from calstation.reports.pdf import typeset
 from calstation.results import Result, override_result
 from calstation.runs import closing
@@ -44,6 +44,11 @@ def gimbal(shared_runs: SharedRuns, tmp_path: Path) -> Made:
 
 def report(*arguments: object) -> int:
     return run_app(["report", *map(str, arguments)])
+
+
+def changes_of(result_file: Path) -> tuple[str, ...]:
+    """Return what has changed since the last certificate of a result."""
+    return issue_state(ignore_progress, result_file, None, "en").changes
 
 
 def copied(result_file: Path, folder: Path) -> Path:
@@ -240,7 +245,11 @@ def test_release_after_the_certificate_requires_a_later_revision(
     assert report(result_file, "-o", made.folder / "first.pdf") == 0
     monkeypatch.setattr("calstation.records.audit.datetime", Later)
     access.set_pin("", "000000")
+    assert changes_of(result_file) == ()
     override_result(ignore_progress, result_file, "shock test", Person("wang", "000000"), None)
+    assert changes_of(result_file) == ("released",)
+    (certificate,) = issued_certificates(ignore_progress, result_file.with_suffix(".h5"), None, "en")
+    assert certificate.released_since
     out = made.folder / "r1.pdf"
     assert report(result_file, "-o", out) == 2
     assert "with another result, date of issue" in " ".join(capsys.readouterr().err.split())
@@ -251,6 +260,9 @@ def test_release_after_the_certificate_requires_a_later_revision(
     assert report(result_file, "-o", out, "--revise", " released ") == 0
     (_, last) = read_reports(result_file.parent)
     assert (last.issued, last.reason) == ("2031-05-06", "released")
+    assert changes_of(result_file) == ()
+    certificates = issued_certificates(ignore_progress, result_file.with_suffix(".h5"), None, "en")
+    assert [each.released_since for each in certificates] == [True, False]
     text = " ".join(" ".join(page.extract_text() for page in pypdf.PdfReader(out).pages).split())
     assert "released although it failed, by wang on 2031-05-06: shock test" in text
     assert report(result_file.with_suffix(".h5"), "-o", made.folder / "log.pdf") == 2
@@ -270,7 +282,12 @@ def test_changed_templates_or_program_version_require_a_revision(
     (folder / "texts.toml").write_text(texts.replace("Calibration certificate", "Works certificate"), encoding="utf-8")
     assert report(gimbal.result_file, "-o", other, "--templates", folder) == 2
     assert '--revise "REASON"' in capsys.readouterr().err
+    assert changes_of(gimbal.result_file) == ()
+    shutil.copytree(folder, site_folder() / "reports")
+    assert changes_of(gimbal.result_file) == ("content",)
+    shutil.rmtree(site_folder() / "reports")
     monkeypatch.setattr(issue, "__version__", "99.0")
+    assert changes_of(gimbal.result_file) == ("program",)
     assert report(gimbal.result_file, "-o", other) == 2
     assert '--revise "REASON"' in capsys.readouterr().err
     assert not other.exists()

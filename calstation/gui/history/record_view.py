@@ -145,7 +145,9 @@ class RecordView(JobView):
             }
         self.table.show_cells(cells)
         self.table.setVisible(bool(cells))
-        show_text(self._note, say("history.about_certificate_result_changed") if cells and run.altered else "")
+        about = "released" if certificates and certificates[-1].released_since else ""
+        about = "result_changed" if run.altered else about
+        show_text(self._note, say(f"history.about_certificate_{about}") if cells and about else "")
         show_text(self._no_certificates, "" if cells else self._why_none(run))
         self._update()
 
@@ -166,6 +168,8 @@ def _state(certificate: IssuedCertificate, *, last: bool, altered: bool) -> tupl
         return "none", "history.certificate_replaced"
     if altered:
         return "caution", "history.certificate_result_changed"
+    if certificate.released_since:
+        return "caution", "history.certificate_released"
     if certificate.pdf is None:
         return "caution", "history.certificate_without_file"
     if certificate.intact is None:

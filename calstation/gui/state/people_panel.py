@@ -32,6 +32,8 @@ class PeoplePanel(QFrame):
         self._confirmed: ConfirmedCallback = lambda reason, first, second: None
         self._badges = False
         self._title = label(kind="section", wrap=True)
+        self._note_words: Words = ""
+        self._note = label(kind="muted", name=f"{name}_note_label", wrap=True)
         self._fields = grid(across=2 * theme.GRID, down=theme.GRID // 2, stretch=1)
         self._captions: list[QLabel] = []
         self._edits: list[QLineEdit] = []
@@ -51,6 +53,7 @@ class PeoplePanel(QFrame):
         cancel = button(f"{name}_cancel_button", "common.cancel", self.hide)
         column(
             self._title,
+            self._note,
             self._fields,
             row(None, cancel, self._confirm_button),
             on=self,
@@ -68,6 +71,7 @@ class PeoplePanel(QFrame):
         *,
         by: str = "",
         reason: bool = True,
+        note: Words = "",
     ) -> None:
         """Ask for the badges and PINs of the persons who confirm an action.
 
@@ -83,8 +87,11 @@ class PeoplePanel(QFrame):
             Badge proposed for the acting person.
         reason
             Whether a reason is required.
+        note
+            What to know before; "" for nothing.
         """
         self._words, self._confirmed, self._badges = words, then, required.badge
+        self._note_words = note
         visible_fields = (reason, True, required.pin, required.second, required.second)
         for caption, edit, visible in zip(self._captions, self._edits, visible_fields, strict=True):
             edit.clear()
@@ -131,6 +138,7 @@ class PeoplePanel(QFrame):
         for caption, text in zip(self._captions, map(say, codes), strict=True):
             caption.setText(text)
         self._title.setText(say(self._words))
+        show_text(self._note, say(self._note_words))
         self._refresh()
 
 

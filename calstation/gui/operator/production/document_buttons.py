@@ -208,7 +208,7 @@ class CertificateButton(_IssueButton):
         """Issue the certificate, or show the certificate that has been issued."""
         if state.last is None and state.required.second:
             self._ask_people("operator.ask_certificate", state)
-        elif state.last is None or (state.pdf is None and not state.changed):
+        elif state.last is None or (state.pdf is None and not state.changes):
             if (person := self._person(state.required)) is not None:
                 self._issue(state, person)
         else:
@@ -227,9 +227,9 @@ class CertificateButton(_IssueButton):
                 Choice("certificate_open_button", "common.open", lambda: self.open_issued(pdf), primary=True)
             )
         self._notice.ask(
-            "none" if state.pdf is not None and not state.changed else "caution",
+            "none" if state.pdf is not None and not state.changes else "caution",
             Text.of("operator.certificate_issued_on", number=last.identification, date=last.issued),
-            "operator.certificate_outdated" if state.changed else "",
+            lambda: "\n".join(say(f"operator.certificate_since_{each}") for each in state.changes),
             choices,
         )
 
@@ -248,7 +248,8 @@ class CertificateButton(_IssueButton):
         def confirmed(why: str, first: Person, second: Person | None) -> None:
             self._issue(state, first, second, why if reason else None)
 
-        self.panel.ask(title, state.required, confirmed, by=self._by(state.required), reason=reason)
+        note = ("operator.revision_changed" if state.changes else "operator.revision_same") if reason else ""
+        self.panel.ask(title, state.required, confirmed, by=self._by(state.required), reason=reason, note=note)
 
     def _issue(self, state: IssueState, first: Person, second: Person | None = None, revise: str | None = None) -> None:
         if self.watch.busy:
