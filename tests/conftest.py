@@ -43,9 +43,6 @@ REAL_TIME = (
     "runs/test_pipe_reader.py",
 )
 
-#: Number of new objects after which a test of the window is followed by a collection of garbage.
-_MAX_GARBAGE = 20_000
-
 
 @pytest.hookimpl(tryfirst=True)  # before tests are chosen by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -63,9 +60,11 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_runtest_teardown() -> None:
-    """Collect garbage after tests of the window, which let other threads collect none."""
-    if not gc.isenabled() and gc.get_count()[0] > _MAX_GARBAGE:
-        gc.collect()
+    """Collect garbage in a process in which a window has left that to its own thread."""
+    if not gc.isenabled():
+        from calstation.gui.shell.garbage import collect_garbage
+
+        collect_garbage()
 
 
 def pytest_configure(config: pytest.Config) -> None:

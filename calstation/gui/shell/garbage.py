@@ -16,11 +16,12 @@ def collect_in_this_thread(app: QCoreApplication) -> None:
     if gc.isenabled():
         gc.disable()
         timer = QTimer(app, interval=_INTERVAL)
-        timer.timeout.connect(_collect)
+        timer.timeout.connect(collect_garbage)
         timer.start()
 
 
-def _collect() -> None:
+def collect_garbage() -> None:
+    """Collect the garbage of as many generations as an automatic collection would."""
     for generation in (2, 1, 0):
         if gc.get_count()[generation] > gc.get_threshold()[generation]:
             gc.collect(generation)
