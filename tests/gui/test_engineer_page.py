@@ -35,7 +35,7 @@ from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.result_view import ResultView
 from calstation.gui.state import AppContext, ReleaseBar, UnitStatus
 from calstation.gui.text import language, say
-from calstation.gui.widgets import CellTable, ComparisonTable, JobWatch, ParameterSet, StateBadge
+from calstation.gui.widgets import Cell, CellTable, ComparisonTable, JobWatch, ParameterSet, StateBadge
 from calstation.jobs import Job
 from calstation.judgement import Check
 from calstation.messages import Text
@@ -670,6 +670,39 @@ def finished_run(found: dict[str, Any], **more: Any) -> FinishedRun:
     return FinishedRun(Result.from_json(result), None, {})
 
 
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_verdict_stands_before_the_comparison_with_the_previous_run(app: AppContext, qtbot: QtBot, code: str) -> None:
+    language.use(code)
+    found = {"gyro_bias_x": {"value": 3.0e-6, "sigma": 3.0e-7, "unit": "rad/s", "stage": "azimuth_flip"}}
+    view = ResultView(JobWatch(app, Job), ReleaseBar(app, "release"))
+    qtbot.addWidget(view)
+    view.resize(864, 480)  # beside the stages in a window of 1280 x 720
+    view.show_run(replace(finished_run(found), previous={"gyro_bias_x": Parameter(value=1.0e-6, sigma=4.0e-7)}))
+    view.show()
+    table = view.findChild(CellTable, "result_table")
+    assert table is not None
+    headings = [say(column.heading) for column in table.parameters.columns]
+    verdict = headings.index(say("common.verdict"))
+    assert table.columnViewportPosition(verdict) + table.columnWidth(verdict) <= table.viewport().width()
+    assert verdict < headings.index(say("engineer.previous"))
+
+
+def test_columns_without_enough_room_elide_headings_but_no_numbers(qtbot: QtBot) -> None:
+    stages = [Cell(lambda: "stage with a very long name", f"after_{k}") for k in range(4)]
+    table = CellTable("table", columns=(*stages, Cell("engineer.expected", "verdict", number=False, state="state")))
+    qtbot.addWidget(table)
+    table.show_cells({"gyro_bias_x": {f"after_{k}": "0.000123" for k in range(4)} | {"verdict": "reached"}})
+    table.resize(640, 200)
+    table.show()
+    widths = [table.columnWidth(i) for i in range(5)]
+    assert sum(widths) <= table.viewport().width()
+    assert all(width >= table.sizeHintForColumn(i) for i, width in enumerate(widths))
+    across, tip = Qt.Orientation.Horizontal, Qt.ItemDataRole.ToolTipRole
+    assert table.model().headerData(0, across, tip) == "stage with a very long name"
+    table.resize(100, 200)
+    assert all(table.columnWidth(i) >= table.sizeHintForColumn(i) for i in range(5))
+
+
 def test_difference_in_sigmas_has_one_definition(app: AppContext, qtbot: QtBot) -> None:
     same = {"sigma": 3.0e-7, "unit": "rad/s", "stage": "six_position"}
     values = {"gyro_bias_x": 3.0e-6, "gyro_bias_y": 1.0001e-6, "gyro_bias_z": 0.9999e-6}
@@ -1230,11 +1263,11 @@ def test_guard_band_shows_acceptance_limits_and_risk_of_wrong_decisions(engineer
         engineer.until(lambda: not engineer.page.analysis.loading.busy)
         engineer.show_view(1)
         table = engineer.widget("result_table", QTableView)
-        assert table.isColumnHidden(8) == (name == "plain")
+        assert table.isColumnHidden(5) == (name == "plain")
     cells = engineer.cells("result_table")["gyro_scale_x"]
     assert (cells["Value limit"], cells["Acceptance limit"]) == ("±1000", "±900")
     assert "decision rule: guard band of 2 σ" in engineer.says()
-    index = table.model().index(0, table.model().columnCount() - 1)
+    index = table.model().index(0, 7)
     hint = table.model().data(index, Qt.ItemDataRole.ToolTipRole)
     assert "the true value is within the limits with a probability of 84 %" in hint
     assert "0.2 % are accepted although outside the limits, 5 % refused although within" in hint

@@ -58,20 +58,20 @@ _COLUMNS = (
     Cell("common.numeric_value", "value"),
     Cell("common.at_temperature", "at"),
     Cell("common.plus_minus_sigma", "sigma"),
-    Cell("engineer.previous", "previous"),
-    Cell("engineer.change", "change"),
-    Cell("common.in_sigma", "in_sigma", state="change_state"),
     Cell("engineer.value_limit", "limit"),
     Cell("engineer.accepted", "accepted"),
     Cell("engineer.sigma_limit", "sigma_limit"),
-    Cell("engineer.stage", "stage", number=False),
     Cell("common.verdict", "verdict", number=False, state="verdict_state", hint="hint"),
+    Cell("engineer.previous", "previous"),
+    Cell("engineer.change", "change"),
+    Cell("common.in_sigma", "in_sigma", state="change_state"),
+    Cell("engineer.stage", "stage", number=False),
 )
 _NUMBERS = ("value", "at", "sigma", "previous", "change", "in_sigma", "limit", "accepted", "sigma_limit")
 #: Columns for the comparison with the previous run or with the result without an added state.
-_COMPARED_COLUMNS = (4, 5, 6)
+_COMPARED_COLUMNS = (8, 9, 10)
 #: Column of the acceptance limits, which the decision rule may narrow.
-_ACCEPTED_COLUMN = 8
+_ACCEPTED_COLUMN = 5
 #: Column of the temperature of the worst value, and headings of value and sigma of a result over temperature.
 _AT_COLUMN = 2
 _WORST = {

@@ -50,10 +50,9 @@ class RunComparison(QWidget):
         self._title = label(kind="section")
         self._note = label(kind="muted", wrap=True, name="comparison_note_label")
         self.table = ComparisonTable("run_comparison_table", "history.compared_parameters", independent=True)
-        self.table.horizontalHeader().setTextElideMode(
-            Qt.TextElideMode.ElideNone
-        )  # Qt elides lines as if they were one
-        self.table.horizontalHeader().setMinimumHeight(8 * theme.GRID)  # serial number, date and time on three lines
+        header = self.table.horizontalHeader()
+        header.setTextElideMode(Qt.TextElideMode.ElideNone)  # Qt elides lines as if they were one
+        header.setMinimumHeight(8 * theme.GRID)  # serial number, date and time on three lines
         self.plot = ComparisonPlot()
         body = split((self.table, 13), (self.plot, 9), handle=2 * theme.GRID)
         column(row(back_button, self._title, None, spacing=2 * theme.GRID), self._note, (body, 1), on=self)

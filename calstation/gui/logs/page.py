@@ -172,7 +172,7 @@ class OfflinePage(Page):
             self.stages, jobs, self._why_not, (self.comparison, 1), self.missing, exports, margins=(theme.GRID, 0, 0, 0)
         )
         self._right = stack(right, self.allan)
-        return split((left, 10), (self._right, 10))
+        return split((left, 9), (self._right, 11))
 
     def _connect(self) -> None:
         self.source.path_selected.connect(self._open_chosen)

@@ -21,7 +21,7 @@ class CountSpin(LimitedSpin):
         super().__init__(0, _MAX_VALUE, 0)
         self.setObjectName(name)
         self.setStepType(QAbstractSpinBox.StepType.AdaptiveDecimalStepType)
-        self.setMinimumWidth(19 * theme.GRID)
+        self.setMinimumWidth(13 * theme.GRID)
 
     def value(self) -> int:
         """Return the value as an integer."""

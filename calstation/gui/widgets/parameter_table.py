@@ -28,8 +28,8 @@ from calstation.physics import INDEX, NAMES, aligned
 
 Index = QModelIndex | QPersistentModelIndex
 
-#: Minimum width of an elided column, px.
-_MIN_WIDTH = 15 * theme.GRID
+#: Minimum width of a column of elided texts and of an elided heading, px.
+_MIN_WIDTH, _MIN_HEADING = 15 * theme.GRID, 7 * theme.GRID
 
 #: Height of a row, px.
 ROW = 26
@@ -152,7 +152,7 @@ class ParameterModel(QAbstractTableModel):
             return say(heading)
         if role == Qt.ItemDataRole.ToolTipRole:
             name = heading if isinstance(heading, str) else ""
-            return about("column", name.rpartition(".")[2].removesuffix("_column")) or None
+            return about("column", name.rpartition(".")[2].removesuffix("_column")) or say(heading)
         return self.columns[section].alignment if role == Qt.ItemDataRole.TextAlignmentRole else None
 
 
@@ -219,7 +219,7 @@ class ParameterTable(QTableView):
         theme.on_appearance_change(self, model.refresh)
 
     def fit_columns(self) -> None:
-        """Fit the columns to their contents, and distribute the free width or elide the widest down to its heading.
+        """Fit the columns to their contents, and distribute the free width or narrow the widest columns.
 
         A hidden table is fitted when it is shown.
         """
@@ -233,9 +233,25 @@ class ParameterTable(QTableView):
             for k, i in enumerate(visible):
                 self.setColumnWidth(i, self.columnWidth(i) + share + (k < remainder))
         elif visible:
-            widest = max(visible, key=self.columnWidth)
-            least = max(self.horizontalHeader().sectionSizeFromContents(widest).width(), _MIN_WIDTH)
-            self.setColumnWidth(widest, max(self.columnWidth(widest) + free, least))
+            self._narrow(visible, -free)
+
+    def _narrow(self, columns: Sequence[int], excess: int) -> None:
+        """Narrow columns by `excess` px in all, the widest first, which elides headings and texts but no numbers."""
+        widths = {i: self.columnWidth(i) for i in columns}
+        smallest = {i: self._smallest_width(i) for i in columns}
+        while excess > 0 and (wide := [i for i in columns if widths[i] > smallest[i]]):
+            widths[max(wide, key=widths.__getitem__)] -= 1
+            excess -= 1
+        for i, width in widths.items():
+            self.setColumnWidth(i, width)
+
+    def _smallest_width(self, index: int) -> int:
+        """Return the width of the numbers or states in a column, or that of an elided text, px."""
+        column, header = self.parameters.columns[index], self.horizontalHeader()
+        whole = column.number or column.state is not None
+        elided = header.textElideMode() != Qt.TextElideMode.ElideNone
+        heading = _MIN_HEADING if elided else header.sectionSizeFromContents(index).width()
+        return max(self.sizeHintForColumn(index), heading) if whole else max(_MIN_WIDTH, heading)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Fit the columns to the new width."""
