@@ -67,16 +67,17 @@ class Job:
 
     @property
     def remaining(self) -> float | None:
-        """Remaining time, s, as reported, or else estimated from the fraction done; None if unknown."""
+        """Remaining time, s, as reported, or else estimated from the fraction done.
+
+        It is None if it is unknown, also once it has elapsed without another report, as in a step that takes longer.
+        """
         if self.state != "running":
             return None
-        now = time.monotonic()
-        if self._reported_remaining is not None:
-            return max(0.0, self._reported_remaining - (now - self._reported_at))
-        if self.fraction < _ESTIMATE_FROM:
-            return None
-        elapsed = self._reported_at - self._started_at
-        return max(0.0, elapsed * (1.0 - self.fraction) / self.fraction - (now - self._reported_at))
+        at_report = self._reported_remaining
+        if at_report is None and self.fraction >= _ESTIMATE_FROM:
+            at_report = (self._reported_at - self._started_at) * (1.0 - self.fraction) / self.fraction
+        remaining = 0.0 if at_report is None else at_report - (time.monotonic() - self._reported_at)
+        return remaining if remaining > 0.0 else None
 
     def poll(self) -> State:
         """Process messages from the worker and return the state; the owner calls this from a timer."""
