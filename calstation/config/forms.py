@@ -28,7 +28,7 @@ _UNREADABLE = ("toml", "file", "model_type", "dict_type", "list_type")
 _KINDS: dict[Any, Any] = {bool: "flag", int: "count", float: "number", str: "text", list: "vector", Literal: "choice"}
 
 #: Units by the name of a field, and below by the last word of the name.
-_UNITS = {"velocity_sigma": "m/s", "speed": "×", "agreement_c": "K"}
+_UNITS = {"velocity_sigma": "m/s", "force_scatter": "m/s²", "speed": "×", "agreement_c": "K"}
 _UNITS_BY_END = {
     "deg": "°",
     "dps": "°/s",

@@ -4,7 +4,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from PySide6.QtWidgets import QComboBox, QPushButton
+from PySide6.QtWidgets import QApplication, QComboBox, QPushButton
 
 from calstation.config import RunRequest, access, library
 from calstation.errors import DeviceFaultError
@@ -72,6 +72,19 @@ class ThermalRun:
 def thermal(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> ThermalRun:
     """An operator at a station with a chamber, in the stage temperature."""
     return ThermalRun(operator, monkeypatch)
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_time_axis_of_a_narrow_temperature_panel_is_not_cut(thermal: ThermalRun, code: str) -> None:
+    thermal.operator.window.app.set_language(code)
+    thermal.emit(StepStarted("temperature", 1, "soak", ("soak", -40.0, 1.0, 7.0)))
+    thermal.emit(SOAK)
+    thermal.panel.setFixedWidth(427)  # in a window of 1280 x 720
+    thermal.panel.refresh()
+    QApplication.processEvents()
+    axis = thermal.panel._plot.getAxis("bottom")
+    text = axis.label.boundingRect().width() - 2 * axis.label.document().documentMargin()
+    assert text <= axis.boundingRect().width()
 
 
 @pytest.mark.long

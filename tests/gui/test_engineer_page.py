@@ -27,15 +27,25 @@ from PySide6.QtWidgets import (
 )
 from pytestqt.qtbot import QtBot
 
-from calstation.config import RunRequest, access, library, load_configuration, versions
+from calstation.config import RunRequest, access, library, load_configuration, schedule_options, versions
 from calstation.devices.imu import Closing, Step
 from calstation.gui.engineer import EngineerPage
 from calstation.gui.engineer.observability_view import HeatMap
 from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.result_view import ResultView
-from calstation.gui.state import AppContext, ReleaseBar, UnitStatus
+from calstation.gui.engineer.schedule_form import ScheduleForm
+from calstation.gui.state import AppContext, ReleaseBar, UnitStatus, run_strip
 from calstation.gui.text import language, say
-from calstation.gui.widgets import Cell, CellTable, ComparisonTable, JobWatch, ParameterSet, StateBadge
+from calstation.gui.widgets import (
+    Cell,
+    CellTable,
+    ComparisonTable,
+    ElidedLabel,
+    FormField,
+    JobWatch,
+    ParameterSet,
+    StateBadge,
+)
 from calstation.jobs import Job
 from calstation.judgement import Check
 from calstation.messages import Text
@@ -391,6 +401,24 @@ def test_target_above_the_limit_of_the_product_is_a_caution(engineer: Engineer) 
         engineer.type(name, f"{0.9 * limit:.3f}")
         assert said not in message.text()
     engineer.window.app.set_language("en")
+
+
+@pytest.mark.parametrize(
+    ("stage", "station", "product", "name", "unit"),
+    [
+        ("temperature", "virtual_chamber", "mems_c_thermal", "ramp_c_per_min", "°C/min"),
+        ("multi_position", "virtual_hand", "mems_hand", "force_scatter", "m/s²"),
+    ],
+)
+def test_units_of_a_schedule_are_shown_and_not_cut(
+    qtbot: QtBot, stage: str, station: str, product: str, name: str, unit: str
+) -> None:
+    options = schedule_options(library.find("stations", station), library.find("products", product))
+    form = ScheduleForm(stage, options)
+    qtbot.addWidget(form)
+    units = {field.editor.objectName(): field.unit for field in form.findChildren(FormField)}
+    assert units[f"schedule_{stage}_{name}"].text() == unit
+    assert all(label.sizeHint().width() <= label.maximumWidth() for label in units.values())
 
 
 @pytest.mark.parametrize("code", ["en", "zh_CN"])
@@ -1296,3 +1324,20 @@ def test_schedule_beyond_the_travel_is_explained_in_both_languages(qapp: QApplic
         assert say(refusal).startswith("转 7 整圈需要外框 2520° 的行程，实际只有 2160°。")
     finally:
         language.use("en")
+
+
+@pytest.mark.parametrize("title", ["SN-000001  ·  PARTIAL  ·  STARTING", "SN-000001  ·  部分标定  ·  正在连接和自检"])
+def test_status_that_does_not_fit_into_the_strip_ends_with_an_ellipsis(
+    app: AppContext, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch, title: str
+) -> None:
+    monkeypatch.setattr(run_strip, "run_title", lambda _: title)
+    strip = run_strip.RunStrip(app.run)
+    qtbot.addWidget(strip)
+    strip.resize(240, 64)
+    strip.show()
+    (word,) = [label for label in strip.findChildren(ElidedLabel) if label.text() == title]
+    assert word.mapTo(strip, word.rect().topRight()).x() < strip.width()
+    assert word.shortened().endswith("…")
+    assert word.toolTip()
+    strip.resize(800, 64)
+    assert word.shortened() == title

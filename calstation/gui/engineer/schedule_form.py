@@ -112,7 +112,7 @@ class _Field(FormField):
         self._spec = spec
         name = "_".join(map(str, ("schedule", stage, *key_path)))
         super().__init__(source, key_path, editor, words, name, unit)
-        self.unit.setFixedWidth(5 * theme.GRID)
+        self.unit.setFixedWidth(6 * theme.GRID)
         self.grid.setHorizontalSpacing(theme.GRID)
         self.grid.setColumnStretch(0, 1)
         if isinstance(editor, FlagBox):

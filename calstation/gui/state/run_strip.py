@@ -38,7 +38,8 @@ class RunStrip(QWidget):
     def __init__(self, run: RunStatus) -> None:
         super().__init__()
         self._run, self._idle, self._ready = run, "", True
-        self._badge, self._text, self._bar = StateBadge(theme.SECTION), ElidedLabel(), progress_bar(theme.GRID)
+        self._badge = StateBadge(theme.SECTION, elided=True)
+        self._text, self._bar = ElidedLabel(), progress_bar(theme.GRID)
         parts = (self._badge, self._text, self._bar)
         column(None, *parts, None, on=self, spacing=theme.GRID // 2, margins=(0, 0, theme.GRID, 0))
         run.changed.connect(self._refresh)

@@ -8,7 +8,7 @@ from PySide6.QtGui import QColor, QIcon, QPainter, QPaintEvent, QPen, QPixmap, Q
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import PlainLabel, lay_out, row
+from calstation.gui.widgets.layout import ElidedLabel, PlainLabel, lay_out, row
 
 #: Kinds of states, with the symbols ring, ring with a dot, filled triangle, tick, half-filled ring, cross, triangle
 #: with an exclamation mark, two bars, square, and a tick that makes no statement about quality.
@@ -155,12 +155,16 @@ class StateIcon(QWidget):
 
 
 class StateBadge(QWidget):
-    """The symbol and the word of a state, side by side; words that `wrap` take several lines if necessary."""
+    """The symbol and the word of a state, side by side.
 
-    def __init__(self, size: int = theme.BODY, name: str = "", *, wrap: bool = False) -> None:
+    If there is not enough room, words that `wrap` take several lines, and those that are `elided` are shortened.
+    """
+
+    def __init__(self, size: int = theme.BODY, name: str = "", *, wrap: bool = False, elided: bool = False) -> None:
         super().__init__()
         self.setObjectName(name)
-        self._icon, self._word = StateIcon(), PlainLabel()
+        self._icon, self._word = StateIcon(), ElidedLabel() if elided else PlainLabel()
+        self._word.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Preferred)
         self._word.setWordWrap(wrap)
         self.set_size(size)
         row(self._icon, (self._word, 1 if wrap else 0), on=self)

@@ -168,7 +168,7 @@ class TemperaturePanel(QFrame):
         margin = _MARGIN * max(high - low, _MIN_SPAN) + 0.5 * max(_MIN_SPAN - (high - low), 0.0)
         self._plot.setYRange(low - margin, high + margin, padding=0.0)
         self._plot.setXRange(0.0, max(0.1, float(minutes[-1])), padding=0.0)
-        self._plot.setLabel("bottom", say("operator.axis_time"))
+        self._plot.setLabel("bottom", say("engineer.axis_time_min"))
         self._label_lines()
 
     def _label_lines(self) -> None:
