@@ -197,14 +197,17 @@ class RunStart:
         if not passed:
             return None
         first, serials = passed[0], [run.serial for run in passed]
+        products = list(dict.fromkeys(run.product or "?" for run in passed))
         values = {
             "serial": first.serial,
             "when": first.started_utc,
             "station": first.station or "?",
             "serials": serials,
+            "product": products[0],
+            "products": products,
         }
         code = "passed_elsewhere" if first.origin and not self.request.serials else "passed_before"
-        refusal = ConfigurationError("run.passed_before", serials=serials)
+        refusal = ConfigurationError("run.passed_before", serials=serials, products=products)
         return Question("passed", self._text(code, values), ("repeat",), refusal)
 
     def _ask_standard(self) -> Question | None:

@@ -203,16 +203,16 @@ def test_start_is_one_word_in_chinese(operator: Operator) -> None:
 
 def test_operators_read_plain_words_in_both_languages() -> None:
     late, ended = Text.of("stream.late", seconds=1.0), Text.of("run.engine_ended", exit_code=-9, then="")
-    passed = Text.of("question.passed_before", serial="SN-1", when="2026-11-28T01:02:03+00:00")
+    passed = Text.of("question.passed_before", serial="SN-1", when="2026-11-28T01:02:03+00:00", product="M7")
     language.use("zh_CN")
     assert rendered(late).text == "1 秒内的数据没有按时收到。"
     assert "找工程师（采样率设置）" in rendered(late).remedy
     assert rendered(ended).text.startswith("标定程序意外退出（代码 ")
     assert rendered(passed).remedy.startswith("于 ")
-    assert rendered(passed).remedy.endswith(" 合格。要再标定一次吗？")
+    assert rendered(passed).remedy.endswith(" 按产品型号“M7”合格。要再标定一次吗？")
     assert say("answer.close_incomplete_job") == say("history.close_as_incomplete") == "结束，记为未完成"
     assert say("operator.suggested") == "建议序列号"
-    assert rendered(Text.of("question.units_passed_before", serials=["SN-1"])).text == "SN-1 已经合格"
+    assert rendered(Text.of("question.units_passed_before", serials=["SN-1"], products=["M7"])).text == "SN-1 已经合格"
     language.use("en")
     assert "ask an engineer (sample rate)" in rendered(late).remedy
 

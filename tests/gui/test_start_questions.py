@@ -125,8 +125,8 @@ def front_end(request: pytest.FixtureRequest, site_folder: SiteFolder) -> Callab
 
 
 def passed(site: SiteFolder) -> None:
-    """Store a passed run of the unit."""
-    write_result(site.runs, f"{SERIAL}_1", 1, serial=SERIAL)
+    """Store a passed run of the unit as another product."""
+    write_result(site.runs, f"{SERIAL}_1", 1, serial=SERIAL, product="MEMS 7")
 
 
 def failed(site: SiteFolder) -> None:
@@ -166,7 +166,7 @@ CASES: dict[str, tuple[Callable[[SiteFolder], None], str, str, dict[str, object]
         "restore",
         {"unfinished": "restore"},
     ),
-    "passed": (passed, f"{SERIAL} has already passed", "repeat", {}),
+    "passed": (passed, ", as MEMS 7. Calibrate it once more?", "repeat", {}),
     "attempts": (
         failed,
         "It was outside its limits 1 time in a row. Allow one more attempt?",
