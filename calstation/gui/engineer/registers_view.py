@@ -388,15 +388,15 @@ class RegistersView(QWidget):
             return f"{say('engineer.about_write', **values)}\n{self._about_verification()}"
 
         choices = self._choices(write, "write", Text.of("engineer.write_registers", count=count))
-        passed = result.verdict == "passed"
-        later = self._later(result)
+        passed, later = result.verdict == "passed", self._later(result)
+        kind = "caution" if passed or later is not None else verdict_badge(result)[0]
 
         def title() -> str:
             code = "engineer.ask_write" if passed else "engineer.ask_write_despite"
             question = say(code, count=count, serial=unit.serial, verdict=verdict_badge(result)[1])
             return joined(say(later), question, language.current()) if later is not None else question
 
-        self._notice.ask("caution" if passed else verdict_badge(result)[0], title, text, choices)
+        self._notice.ask(kind, title, text, choices)
 
     def _ask_interrupted(self, serial: str) -> None:
         """Ask whether to finish an interrupted transfer and verify its registers, or to restore the old ones."""
@@ -484,7 +484,8 @@ class RegistersView(QWidget):
         """Return what is known about the registers of the unit."""
         texts = [say(f"engineer.verified_{self._verification}")] if self._verification else []
         if self._wrote is not None and self.target is not None:
-            texts.append(say("engineer.run_wrote", what=self._wrote.texts))
+            wrote = say("engineer.run_wrote", what=self._wrote.texts)
+            texts.append(wrote[0].upper() + wrote[1:])
         unit = self.unit
         if unit is not None:
             values = {"model": unit.model, "firmware": unit.firmware, "commits": unit.commits}
