@@ -5,15 +5,16 @@ import socket
 import string
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 
 from calstation.config import library, load_product, load_station
 from calstation.devices.links import host_and_port
-from calstation.errors import ConfigurationError, DeviceFaultError, InputError
+from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
 from calstation.escaping import for_zpl
 from calstation.jobs import ProgressCallback
-from calstation.messages import local_time, os_reason
+from calstation.messages import Text, local_time, os_reason
 from calstation.records import IssuedReport, Verdict, issued_reports, write_atomic
 from calstation.reports.content import certificate_number
 from calstation.reports.pdf import compile_template
@@ -67,13 +68,29 @@ def print_label(report: ProgressCallback, result_file: Path, station: Path | Non
     return pdf
 
 
-def print_labels(report: ProgressCallback, result_files: Sequence[Path], station: Path | None) -> list[Path]:
-    """Job: print the labels of several runs, and return the PDF files; see `print_label`."""
-    pdfs = []
+@dataclass(frozen=True)
+class PrintedLabels:
+    """PDF files of the labels that have been written, and the results of those that were not printed, with why."""
+
+    pdfs: list[Path]
+    errors: dict[Path, Text] = field(default_factory=dict)
+
+
+def print_labels(report: ProgressCallback, result_files: Sequence[Path], station: Path | None) -> PrintedLabels:
+    """Job: print the labels of several runs, up to an error of the printer; see `print_label`."""
+    printed = PrintedLabels([])
     for number, result_file in enumerate(result_files):
         report(number / len(result_files))
-        pdfs.append(print_label(report, result_file, station))
-    return [pdf for pdf in pdfs if pdf is not None]
+        try:
+            pdf = print_label(report, result_file, station)
+        except InputError as error:
+            printed.errors[result_file] = error.as_text
+        except CalstationError as error:
+            printed.errors.update(dict.fromkeys(result_files[number:], error.as_text))
+            break
+        else:
+            printed.pdfs.extend([] if pdf is None else [pdf])
+    return printed
 
 
 def label_fields(result: Result, folder: Path | None = None) -> dict[str, str]:

@@ -1,21 +1,22 @@
 """A batch keeps the places of its slots, and labels, certificates and new runs apply to several units at once."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 from PySide6.QtCore import QPoint
+from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QPushButton, QWidget
 
 from calstation.config import ConfirmationRequired, RunRequest, computer_user
-from calstation.errors import InputError
 from calstation.gui.operator.production import document_buttons
 from calstation.gui.widgets import ElidedLabel, StateIcon
 from calstation.jobs import ProgressCallback
 from calstation.messages import Language, Text
 from calstation.records import Verdict
-from calstation.reports import IssueState, ReportRequest
+from calstation.reports import IssueState, PrintedLabels, ReportRequest
 from calstation.sequencer import Fault, Message, StageSolved, StateChanged
 from tests.dead_logs import write_dead_log
 from tests.gui.conftest import Operator, result_with
@@ -324,9 +325,9 @@ def test_unit_interrupted_before_the_window_was_opened_is_entered_in_its_slot(op
     assert "SN-000050 is entered in slot 3" in operator.says()
 
 
-def label_of(report: ProgressCallback, files: list[Path], station: Path | None) -> list[Path]:
+def label_of(report: ProgressCallback, files: list[Path], station: Path | None) -> PrintedLabels:
     """Job: stand in for the labels of results."""
-    return [Path("labels", f"{path.stem}.pdf") for path in files]
+    return PrintedLabels([Path("labels", f"{path.stem}.pdf") for path in files])
 
 
 def states_of(
@@ -345,14 +346,15 @@ def issue(report: ProgressCallback, requests: list[ReportRequest]) -> list[Path]
 @pytest.fixture
 def documents(monkeypatch: pytest.MonkeyPatch) -> None:
     """Labels and certificates without logs."""
+    monkeypatch.setattr(QDesktopServices, "openUrl", lambda _: True)
     monkeypatch.setattr(document_buttons, "label_template", lambda result: Path("label.zpl"))
     for name, job in (("print_labels", label_of), ("states_of_issue", states_of), ("issue_certificates", issue)):
         monkeypatch.setattr(document_buttons, name, job)
 
 
-def printer_is_off(report: ProgressCallback, files: list[Path], station: Path | None) -> list[Path]:
+def printer_is_off(report: ProgressCallback, files: list[Path], station: Path | None) -> PrintedLabels:
     """Job: stand in for labels without a printer."""
-    raise InputError("log.not_found", file=str(files[0]))
+    return PrintedLabels([], dict.fromkeys(files, Text.of("log.not_found", file=str(files[0]))))
 
 
 @pytest.fixture
@@ -380,6 +382,63 @@ def test_focus_is_on_no_other_document_after_a_label_was_not_printed(operator: O
     operator.until(lambda: f"not printed: {serials}" in operator.says())
     operator.press("unprinted_notice_close")
     assert operator.window.focusWidget() is operator.widget("serial_edit")
+
+
+def printer_is_on(report: ProgressCallback, files: list[Path], station: Path | None) -> PrintedLabels:
+    """Job: stand in for labels that a printer prints."""
+    return PrintedLabels([])
+
+
+@pytest.mark.usefixtures("no_printer")
+def test_labels_of_all_runs_are_kept_until_they_are_printed(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    use_slots(operator, 2)
+    passed: list[str] = []
+    for slot in ("1", "2"):
+        begin(operator)
+        passed.append(next(unit.serial for unit in operator.run.units if unit.slot == slot))
+        end(operator, failed=({"1": "2", "2": "1"}[slot],))
+        operator.press("labels_button")
+        operator.until(lambda: f"not printed: {', '.join(passed)}" in operator.says(), 10.0)
+    first, second = passed
+    operator.window.app.set_language("zh_CN")
+    assert f"标签未打印：{first}、{second}" in operator.says()
+    operator.window.app.set_language("en")
+    operator.press("print_again_button")
+    assert f"not printed: {first}, {second}" in operator.says(), "until they have been printed"
+    operator.until(operator.widget("labels_button").isEnabled)
+    for button in operator.window.findChildren(document_buttons.LabelButton):
+        monkeypatch.setattr(button._watch, "_submit", partial(operator.window.app.job_queue.submit, printer_is_on))
+    operator.press("labels_button")
+    operator.until(lambda: f"sent to the printer: {second}" in operator.says())
+    assert f"not printed: {first}" in operator.says()
+    operator.press("print_again_button")
+    operator.until(lambda: f"sent to the printer: {first}" in operator.says())
+    assert "not printed" not in operator.says()
+
+
+@pytest.mark.usefixtures("documents")
+@pytest.mark.parametrize("language", ["en", "zh_CN"])
+def test_label_that_no_program_opens_is_kept_after_the_next_scan(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch, language: str
+) -> None:
+    opens: list[bool] = [False, True]
+    monkeypatch.setattr(QDesktopServices, "openUrl", lambda _: opens.pop(0))
+    use_slots(operator, 2)
+    operator.window.app.set_language(language)
+    begin(operator)
+    end(operator, failed=("2",))
+    operator.press("labels_button")
+    texts = ("not printed: SN-000001", "no program that opens", str(Path("labels", "1.pdf")))
+    if language == "zh_CN":
+        texts = ("标签未打印：SN-000001", "本机没有可打开", texts[2])
+    operator.until(lambda: all(text in operator.says() for text in texts))
+    operator.scan("SN-000077")
+    assert all(text in operator.says() for text in texts)
+    operator.press("print_again_button")
+    operator.until(lambda: not opens)
+    assert texts[0] not in operator.says()
 
 
 @pytest.mark.long

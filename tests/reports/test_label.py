@@ -192,9 +192,25 @@ def test_labels_of_several_units_are_printed_one_after_another(site: Path) -> No
     second = first.rename(first.with_name("SN-000043_1.json"))
     write_log_of(second)
     done: list[float] = []
-    pdfs = print_labels(lambda fraction, *_, **__: done.append(fraction), [write_result(site), second], None)
-    assert [pdf.name for pdf in pdfs] == ["SN-000042_1.pdf", "SN-000043_1.pdf"]
+    labels = print_labels(lambda fraction, *_, **__: done.append(fraction), [write_result(site), second], None)
+    assert [pdf.name for pdf in labels.pdfs] == ["SN-000042_1.pdf", "SN-000043_1.pdf"]
+    assert labels.errors == {}
     assert done == [0.0, 0.5]
+
+
+def test_refused_label_does_not_prevent_those_of_other_units_but_an_unreachable_printer_does(site: Path) -> None:
+    second = write_result(site).rename(site / "runs" / "SN-000043_1.json")
+    third = write_result(site).rename(site / "runs" / "SN-000044_1.json")
+    refused = write_result(site, outcome="failed")
+    for file in (second, third):
+        write_log_of(file)
+    with socket.create_server(("127.0.0.1", 0)) as closed:
+        port = closed.getsockname()[1]
+    station = write_station(site, label={"printer": f"tcp://127.0.0.1:{port}"})
+    labels = print_labels(lambda *_, **__: None, [refused, second, third], station)
+    assert labels.errors[refused].code == "label.not_passed"
+    assert labels.errors[second] == labels.errors[third]
+    assert "cannot be reached" in render(labels.errors[third].code, labels.errors[third].values, "en").text
 
 
 def test_no_label_is_printed_for_a_unit_that_failed_later(site: Path) -> None:

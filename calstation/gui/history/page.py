@@ -19,7 +19,7 @@ from calstation.gui.history.filters import Filters
 from calstation.gui.history.record_view import RecordView
 from calstation.gui.history.run_table import RunTable
 from calstation.gui.history.versions_view import VersionsView
-from calstation.gui.operator import CertificateButton, LabelButton
+from calstation.gui.operator import CertificateButton, LabelButton, UnprintedNotice
 from calstation.gui.state import AppContext, FileExport, Page, ReleaseBar
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import (
@@ -69,8 +69,9 @@ class HistoryPage(Page):
         self.table = RunTable()
         bind(self.table.setAccessibleName, "history.run_table")
         self.setFocusProxy(self.table)
+        unprinted = UnprintedNotice(app, "history_unprinted_notice", self.setFocus)
         self.details = RunDetails(
-            LabelButton(app, "history_label_button", self.notice, self.setFocus),
+            LabelButton(app, "history_label_button", self.notice, self.setFocus, unprinted=unprinted),
             CertificateButton(app, "history_certificate_button", self.notice, self.setFocus),
             ReleaseBar(app, "history_release"),
         )
@@ -87,7 +88,7 @@ class HistoryPage(Page):
         self.audit = AuditView(app, self._show_list)
         self._views = stack(runs, self._comparison, self.versions, self.record, self.audit)
         wide = 2 * theme.GRID
-        column(self.notice, (self._views, 1), on=self, margins=(wide, theme.GRID, wide, wide))
+        column(unprinted, self.notice, (self._views, 1), on=self, margins=(wide, theme.GRID, wide, wide))
         self._connect()
         self.busy_changed.connect(self._show_texts)
         on_language_change(self, self._show_texts)

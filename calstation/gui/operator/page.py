@@ -15,7 +15,7 @@ from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.live import LiveView
 from calstation.gui.operator.loading import Loading
 from calstation.gui.operator.next_run import read_next_run
-from calstation.gui.operator.production import ShiftCounter
+from calstation.gui.operator.production import ShiftCounter, UnprintedNotice
 from calstation.gui.operator.questions import (
     ClaimNotice,
     FailingNotice,
@@ -82,8 +82,7 @@ class OperatorPage(Page):
         self.header: RunHeader = RunHeader(app.run)
         self._stages = StageList(app.run)
         self.closing, self.notice = NoticeBar(), NoticeBar("operator_notice")
-        #: Labels that were not printed, until they are printed or it is closed.
-        self._unprinted = NoticeBar("unprinted_notice")
+        self._unprinted = UnprintedNotice(app, "unprinted_notice", self.await_scan)
         self._failing = FailingNotice(app.run, self.setFocus)
         self._loading, self._live = Loading(), LiveView(app)
         documents = self.notice, self._unprinted, self.await_scan

@@ -13,7 +13,7 @@ from calstation.config import load_station
 from calstation.connection import LinkTestRequest
 from calstation.errors import InputError
 from calstation.gui.operator import advice
-from calstation.gui.operator.production import CertificateButton, LabelButton
+from calstation.gui.operator.production import CertificateButton, LabelButton, UnprintedNotice
 from calstation.gui.operator.units import Banner
 from calstation.gui.state import AppContext, ResetBar
 from calstation.gui.text import duration_text, fault_text, language, say
@@ -132,7 +132,9 @@ class VerdictPanel(QFrame):
     acknowledged = Signal()
     closed = Signal()
 
-    def __init__(self, app: AppContext, notice: NoticeBar, unprinted: NoticeBar, then: Callable[[], None]) -> None:
+    def __init__(
+        self, app: AppContext, notice: NoticeBar, unprinted: UnprintedNotice, then: Callable[[], None]
+    ) -> None:
         super().__init__()
         self._app = app
         self.setProperty("kind", "panel")

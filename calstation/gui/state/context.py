@@ -39,6 +39,7 @@ class AppContext(QObject):
     open_run = Signal(object)
     resume_run = Signal(object)
     released = Signal(object)  #: Result file of a failed unit that has been released.
+    labels_printed = Signal(list)  #: Serial numbers of the units whose labels have been printed.
     page_requested = Signal(str)  #: Object name of the page to show.
     watch_requested = Signal()  #: Emitted to show the live monitoring of the IMUs on one body.
     runs_folder_changed = Signal()

@@ -1,6 +1,6 @@
 """Buttons that print the label of a unit and issue or open its calibration certificate."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,6 +19,7 @@ from calstation.records import IssuedReport, Verdict
 from calstation.reports import (
     IssuedPdf,
     IssueState,
+    PrintedLabels,
     issue_certificate,
     issue_certificates,
     issue_state,
@@ -27,6 +28,51 @@ from calstation.reports import (
     states_of_issue,
 )
 from calstation.results import Result
+
+
+class UnprintedNotice(NoticeBar):
+    """Names the labels that were not printed, also in earlier runs, until each is printed or the notice is closed.
+
+    `then` is called after it has been closed.
+    """
+
+    def __init__(self, app: AppContext, name: str, then: Callable[[], None]) -> None:
+        super().__init__(name)
+        self._then = then
+        #: Result and reason by the serial number of each unit.
+        self._labels: dict[str, tuple[Path, Text]] = {}
+        self._again: Callable[[dict[str, Path]], None] = lambda _: None
+        app.labels_printed.connect(self._remove)
+
+    def add(self, labels: Mapping[str, tuple[Path, Text]], again: Callable[[dict[str, Path]], None]) -> None:
+        """Add labels by serial number: the result of each and the reason; `again` prints labels of results."""
+        self._again = again
+        self._labels |= labels
+        self._show()
+
+    def _remove(self, serials: Collection[str]) -> None:
+        if self._labels.keys() & set(serials):
+            self._labels = {serial: label for serial, label in self._labels.items() if serial not in serials}
+            self._show()
+
+    def _show(self) -> None:
+        if not self._labels:
+            self.dismiss()
+            return
+        reasons = [reason for _, reason in reversed(self._labels.values())]
+        again = Choice("print_again_button", "operator.print_again", self._print)
+        close = Choice(f"{self.objectName()}_close", "common.close", self._close)
+        title = Text.of("operator.label_not_printed", serials=list(self._labels))
+        self.ask("bad", title, lambda: "\n".join(dict.fromkeys(map(say, reasons))), (again, close))
+
+    def _print(self) -> None:
+        """Print the labels again; the notice stays until they have been printed."""
+        self._show()
+        self._again({serial: file for serial, (file, _) in self._labels.items()})
+
+    def _close(self) -> None:
+        self._labels = {}
+        self._then()
 
 
 class _DocumentButton(QPushButton):
@@ -47,7 +93,7 @@ class _DocumentButton(QPushButton):
 
     def open(self, pdf: Path) -> None:
         """Open a PDF; if this computer has no program for it, a notice names the file."""
-        if not QDesktopServices.openUrl(QUrl.fromLocalFile(str(pdf))):
+        if not _opens(pdf):
             self._notice.inform("caution", "operator.no_pdf_viewer", lambda: str(pdf), self._then)
 
     def _set_busy(self, busy: bool) -> None:
@@ -61,7 +107,7 @@ class _DocumentButton(QPushButton):
 class LabelButton(_DocumentButton):
     """Button that prints the label of a unit, or of `all_units`, if they passed and their product has a label.
 
-    `unprinted` says, by default in place of `notice`, which labels were not printed, and offers to print them again.
+    `unprinted` says which labels were not printed, and offers to print them again.
     """
 
     def __init__(
@@ -71,11 +117,11 @@ class LabelButton(_DocumentButton):
         notice: NoticeBar,
         then: Callable[[], None],
         *,
-        unprinted: NoticeBar | None = None,
+        unprinted: UnprintedNotice,
         all_units: bool = False,
     ) -> None:
         super().__init__(app, name, notice, then)
-        self._unprinted = unprinted or notice
+        self._unprinted = unprinted
         #: Results by serial number that the button prints, and those in the printing that was started last.
         self._files: dict[str, Path] = {}
         self._printing: dict[str, Path] = {}
@@ -105,21 +151,35 @@ class LabelButton(_DocumentButton):
         self._watch.start(list(files.values()), self._app.station_path)
 
     def _not_printed(self, error: CalstationError) -> None:
-        files, bar = self._printing, self._unprinted
-        again = Choice("print_again_button", "operator.print_again", lambda: self._print(files))
-        close = Choice(f"{bar.objectName()}_close", "common.close", self._then)
-        bar.ask("bad", Text.of("operator.label_not_printed", serials=list(files)), error.as_text, (again, close))
+        self._end_printing(dict.fromkeys(self._printing.values(), error.as_text))
 
-    def _printed(self, pdfs: list[Path]) -> None:
-        self._unprinted.dismiss()
-        if not pdfs:
-            self._notice.ask("good", Text.of("operator.labels_printed", serials=list(self._printing)), "")
-        elif len(pdfs) == 1:
-            self._notice.inform("good", "operator.label_saved", lambda: str(pdfs[0]), self._then)
-            self.open(pdfs[0])
-        else:
-            self._notice.inform("good", "operator.labels_saved", lambda: str(pdfs[0].parent), self._then)
+    def _printed(self, printed: PrintedLabels) -> None:
+        pdfs, errors = printed.pdfs, dict(printed.errors)
+        saved = pdfs[0].parent if len(pdfs) > 1 else pdfs[0] if pdfs else None  # several are printed from their folder
+        if saved is not None and not _opens(saved):
+            why = Text.of("operator.label_not_opened", file=saved)
+            errors = {file: errors.get(file, why) for file in self._printing.values()}
+        serials = self._end_printing(errors)
+        if saved is not None and serials:
+            code = "operator.labels_saved" if len(pdfs) > 1 else "operator.label_saved"
+            self._notice.inform("good", code, lambda: str(saved), self._then)
+        elif serials:
+            self._notice.ask("good", Text.of("operator.labels_printed", serials=serials), "")
         self._then()
+
+    def _end_printing(self, errors: Mapping[Path, Text]) -> list[str]:
+        """Note the labels of the results in `errors` as not printed; return the serial numbers of the others."""
+        failed = {serial: (file, errors[file]) for serial, file in self._printing.items() if file in errors}
+        serials = [serial for serial in self._printing if serial not in failed]
+        self._app.labels_printed.emit(serials)
+        if failed:
+            self._unprinted.add(failed, self._print)
+        return serials
+
+
+def _opens(path: Path) -> bool:
+    """Open a PDF or a folder, and return whether this computer has a program for it."""
+    return QDesktopServices.openUrl(QUrl.fromLocalFile(str(path)))
 
 
 def _has_label(result: Result) -> bool:

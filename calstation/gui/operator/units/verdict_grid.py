@@ -9,7 +9,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFrame
 
 from calstation.gui.operator import advice
-from calstation.gui.operator.production import CertificatesButton, LabelButton
+from calstation.gui.operator.production import CertificatesButton, LabelButton, UnprintedNotice
 from calstation.gui.operator.units.banner import Banner
 from calstation.gui.operator.units.tiles import COLUMNS, Tile, arrange_in_slots, pass_clicks, place_text
 from calstation.gui.state import LEAVING, AppContext, UnitStatus, run_badge
@@ -96,7 +96,9 @@ class VerdictGrid(QFrame):
     opened = Signal()
     again = Signal(object)
 
-    def __init__(self, app: AppContext, notice: NoticeBar, unprinted: NoticeBar, then: Callable[[], None]) -> None:
+    def __init__(
+        self, app: AppContext, notice: NoticeBar, unprinted: UnprintedNotice, then: Callable[[], None]
+    ) -> None:
         super().__init__()
         self.setProperty("kind", "panel")
         self._run, self._slots = app.run, app.slots
