@@ -958,6 +958,34 @@ def test_a_table_that_may_still_move_is_still_named_after_a_restart_of_the_windo
     assert not AppContext(station).run.stop_incomplete
 
 
+@pytest.mark.parametrize(
+    ("language", "words", "unready"),
+    [("en", "Close the cover, then press “Reset the fault”.", "NOT READY"), ("zh_CN", "请关好防护罩，", "未就绪")],
+)
+def test_fault_that_the_table_has_latched_is_kept_until_it_is_reset(
+    simulated_run: Operator, language: str, words: str, unready: str
+) -> None:
+    window, run = simulated_run.window, simulated_run.run
+    window.app.set_language(language)
+    for _ in range(2):
+        window.app.engine_link.event.emit(Fault.of(DeviceFaultError("table.latched_interlock", fault="interlock")))
+        window.app.engine_link.running_changed.emit(False)
+        simulated_run.press("acknowledge_button")
+        for page in ("history_page", "operator_page"):
+            window.show_page(page)
+            assert words in simulated_run.says()
+            assert simulated_run.widget(f"{page}_table_reset_button").isVisible()
+        simulated_run.scan("SN-000043")
+        assert simulated_run.message.startswith(words)
+        assert unready in simulated_run.says().splitlines()
+        window.findChild(TableNotice).reset._finish(TableReset("interlock_open", "interlock", "interlock"))
+        assert run.unreset is not None
+    window.findChild(TableNotice).reset._finish(TableReset("cleared", "interlock", None))
+    assert words not in simulated_run.says()
+    assert simulated_run.widget("start_button").isEnabled()
+    assert unready not in simulated_run.says().splitlines()
+
+
 def test_window_stays_open_after_a_stop_that_the_table_did_not_confirm(
     simulated_run: Operator, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -35,6 +35,7 @@ from calstation.gui.operator.units import SlotsPanel, VerdictGrid
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.state import AppContext, EventLog, ExchangeLabel, Page, run_badge
 from calstation.gui.text import (
+    fault_text,
     language,
     offered_products,
     on_language_change,
@@ -206,6 +207,9 @@ class OperatorPage(Page):
     def _change_station(self) -> None:
         self._clear_verdict()
         self._starting.slots.forget_last()
+        request = self.app.engine_link.request
+        if request is not None and request.station != self.app.station_path:
+            self.app.run.set_unreset(None)
         self._read_products()
 
     def _clear_verdict(self) -> None:
@@ -288,7 +292,9 @@ class OperatorPage(Page):
 
     def _acknowledge(self) -> None:
         self.notice.dismiss()
+        unreset = self._verdict.unreset
         self.app.run.acknowledge()
+        self.app.run.set_unreset(unreset)
         self._starting.await_unit()
         self._offer_due = True
         self._offer_after_fault()
@@ -399,7 +405,7 @@ class OperatorPage(Page):
         self._verdicts.refuse_again(say("operator.answer_first") if self._starting.asking_about_units else "")
         starting = self._starting
         missing = self.header.badge_field.required or starting.refused is not None or bool(self._overdue())
-        missing = missing or starting.asking
+        missing = missing or starting.asking or run.unreset is not None
         waits = run.display_state == "idle" and run.elsewhere is None and missing and not run.stop_incomplete
         self._badge.show_state(*(("none", term("badge", "not_ready")) if waits else run_badge(run)))
         self._message.setText(self._message_text())
@@ -475,6 +481,8 @@ class OperatorPage(Page):
             return urgent
         if run.display_state == "idle" and self.header.badge_field.required:
             return say("operator.sign_in")
+        if run.display_state == "idle" and run.unreset is not None:
+            return fault_text(run.unreset, engineer=self.app.role.engineer).remedy
         if run.display_state == "idle" and self._starting.refused is not None:
             return rendered(self._starting.refused).text
         if run.display_state == "idle" and (causes := self._overdue()):

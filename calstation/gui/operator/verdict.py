@@ -193,6 +193,11 @@ class VerdictPanel(QFrame):
                 button.offer(unit.result if judged else None, file)
         self._refresh()
 
+    @property
+    def unreset(self) -> Fault | None:
+        """The fault of the run if the table has latched it and it has not been reset."""
+        return self._run.fault if self.reset.offered and not self._run.by_hand else None
+
     def _stress(self) -> None:
         """Stress the reset of the table while it is offered, because no run is possible without it."""
         reset = self.reset.offered

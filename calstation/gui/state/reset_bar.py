@@ -1,4 +1,4 @@
-"""The button that resets a latched fault of the table, and the notice that the table may still move until then."""
+"""The button that resets a latched fault of the table, and the notice that it must be reset."""
 
 from collections.abc import Callable
 
@@ -9,8 +9,10 @@ from calstation.config import load_station
 from calstation.connection import LinkTestRequest, TableReset, reset_table
 from calstation.errors import CalstationError
 from calstation.gui.state.context import AppContext
-from calstation.gui.text import on_language_change, say, term
+from calstation.gui.text import fault_text, on_language_change, say, term
 from calstation.gui.widgets import NoticeBar, StateIcon, button, column, enable, label, row, show_text, theme
+from calstation.messages import Rendered
+from calstation.sequencer import Fault
 
 
 class ResetBar(QWidget):
@@ -73,6 +75,7 @@ class ResetBar(QWidget):
             self.offered = not result.clear
             if result.clear:
                 self._app.run.set_stop_incomplete(False)
+                self._app.run.set_unreset(None)
         self._show()
         self.changed.emit()
         if result is not None:
@@ -106,7 +109,10 @@ class ResetBar(QWidget):
 
 
 class TableNotice(QWidget):
-    """Says on every page that the table may still move, until its fault has been reset; `prefix` is of its names."""
+    """Says on every page that the fault of the table must be reset, or that the table may still move until then.
+
+    `prefix` is the beginning of the object names.
+    """
 
     def __init__(self, app: AppContext, prefix: str, parent: QWidget) -> None:
         super().__init__(parent)  # without it, the notice would be shown as a window
@@ -115,14 +121,28 @@ class TableNotice(QWidget):
         self.reset = ResetBar(app, self._request, f"{prefix}table_reset_button")
         theme.set_kind(self.reset.button, "primary")
         column(self._notice, self.reset, on=self, spacing=theme.GRID, margins=(2 * theme.GRID, 0, 2 * theme.GRID, 0))
-        self._notice.ask("bad", "operator.table_unsafe", "operator.table_unsafe_do")
-        app.run.stop_incomplete_changed.connect(self._show)
-        self._show(app.run.stop_incomplete)
+        self._shown: tuple[bool, Fault | None] = (False, None)
+        self.hide()
+        app.run.changed.connect(self._refresh)
+        app.role.changed.connect(self._notice.refresh)
+        self._refresh()
 
-    def _show(self, incomplete: bool) -> None:
+    def _refresh(self) -> None:
+        run = self._app.run
+        state = run.stop_incomplete, run.unreset
+        if state == self._shown:
+            return
+        self._shown = state
         self.reset.clear()
-        self.reset.offer(incomplete)
-        self.setVisible(incomplete)
+        self.reset.offer(any(state))
+        if run.stop_incomplete:
+            self._notice.ask("bad", "operator.table_unsafe", "operator.table_unsafe_do")
+        elif (fault := run.unreset) is not None:
+            self._notice.ask("caution", lambda: self._text(fault).text, lambda: self._text(fault).remedy)
+        self.setVisible(any(state))
+
+    def _text(self, fault: Fault) -> Rendered:
+        return fault_text(fault, engineer=self._app.role.engineer)
 
     def _request(self) -> LinkTestRequest:
         """Return the request for the table of the station. Raises ConfigurationError if its file cannot be read."""

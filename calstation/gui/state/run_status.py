@@ -97,6 +97,8 @@ class RunStatus(QObject):
         self.resumable = False
         #: Whether a command of the safe stop failed, so that the table may still move; until its fault is reset.
         self.stop_incomplete = False
+        #: Latched fault of the table that was acknowledged but not reset, until it is reset or a run starts.
+        self.unreset: Fault | None = None
         self.table = TableStatus()
         #: State of the chamber of a run over temperature.
         self.chamber = ChamberStatus()
@@ -334,6 +336,11 @@ class RunStatus(QObject):
             self.stop_incomplete_changed.emit(incomplete)
             self.changed.emit()
 
+    def set_unreset(self, fault: Fault | None) -> None:
+        """Set the latched fault of the table that remains to be reset, None for none."""
+        self.unreset = fault
+        self.changed.emit()
+
     def set_chamber_left(self, left: bool | None) -> None:
         """Set whether an earlier run left the chamber at an unknown temperature; None if this is not known yet."""
         self.chamber.set_left(left)
@@ -384,7 +391,7 @@ class RunStatus(QObject):
         if running and request is not None:
             self.state, self.commanded = "starting", False
             self.register_operation = self._link.operation is not None
-            self.fault = self.latest = None
+            self.fault = self.unreset = self.latest = None
             self.resumable = request.resume is not None
             self.chamber, self.table = ChamberStatus(), TableStatus()
             self.registers = self.stage_ending = ""
