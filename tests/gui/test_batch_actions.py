@@ -204,7 +204,7 @@ def test_unit_scanned_again_is_entered_in_its_last_slot_with_a_notice(operator: 
     operator.scan("SN-000002")
     assert serials(operator)[1] == "SN-000002"
     assert "SN-000002" not in (serials(operator)[0], serials(operator)[2])
-    assert "SN-000002 is entered in slot 2, as in the last run" in operator.says()
+    assert "SN-000002 is entered in slot 2, as in its last run" in operator.says()
     operator.window.app.set_language("zh_CN")
     assert "SN-000002 已填入装夹位 2，与上次标定相同" in operator.says()
     operator.press("slot_2_button")  # the unit has been moved

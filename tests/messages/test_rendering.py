@@ -185,3 +185,17 @@ def test_nouns_that_end_with_s_or_y_have_their_own_plural() -> None:
 )
 def test_large_numbers_have_no_exponent(value: float, form: str, text: str) -> None:
     assert plain_number(value, form) == text
+
+
+@pytest.mark.parametrize(
+    ("language", "order"), [("en", ("try again", "To go on")), ("zh_CN", ("重试", "要继续，请按"))]
+)
+def test_advice_on_unverified_registers_names_the_button_after_what_to_do_first(
+    language: Language, order: tuple[str, str]
+) -> None:
+    cause = Text.of("imu.answer_not_framed", port="COM3", seconds=5.0)
+    remedy = render("imu.holds_new", {"cause": cause, "serial": "S"}, language, window=True, operator=True).remedy
+    first, second = (remedy.index(words) for words in order)
+    assert first < second
+    assert "Then press" not in remedy
+    assert "然后按" not in remedy

@@ -9,7 +9,6 @@ from PySide6.QtWidgets import (
     QAbstractButton,
     QFrame,
     QGridLayout,
-    QHBoxLayout,
     QSizePolicy,
     QStyle,
     QStyleOption,
@@ -68,6 +67,10 @@ def arrange(layout: QGridLayout, tiles: Sequence[QWidget]) -> None:
         layout.addWidget(tile, index // COLUMNS, index % COLUMNS)
 
 
+def _last_tip(serial: str, state: str) -> str:
+    return plain_tip(say("operator.last_unit", serial=serial, state=term("badge", state)))
+
+
 class _EmptyTile(QFrame):
     """Place of a slot without a unit in the run, with the serial number and the final state of its last unit."""
 
@@ -79,16 +82,15 @@ class _EmptyTile(QFrame):
         name.setText(slot)
         bind(text, "operator.left_out")
         margins = (theme.GRID, theme.GRID // 2, theme.GRID, theme.GRID // 2)
-        units = [] if last is None else [self._last(*last)]
-        column(None, row(name, (text, 1), spacing=theme.GRID), *units, None, on=self, spacing=0, margins=margins)
-
-    def _last(self, serial: str, state: str) -> QHBoxLayout:
-        """Return a row with the last unit, whose verdict the symbol shows."""
-        icon, unit = StateIcon(16), ElidedLabel(mode=Qt.TextElideMode.ElideMiddle)
-        icon.set_kind(KINDS.get(state, "none"))
-        unit.setText(serial)
-        bind(self.setToolTip, lambda: plain_tip(say("operator.last_unit", serial=serial, state=term("badge", state))))
-        return row(icon, (unit, 1), spacing=theme.GRID)
+        rows = [row(name, (text, 1), spacing=theme.GRID)]
+        if last is not None:
+            serial, state = last
+            icon, unit = StateIcon(16), ElidedLabel(mode=Qt.TextElideMode.ElideMiddle)
+            icon.set_kind(KINDS.get(state, "none"))
+            unit.setText(serial)
+            rows = [row(name, (unit, 1), spacing=theme.GRID), row(icon, (text, 1), spacing=theme.GRID)]
+            bind(self.setToolTip, partial(_last_tip, serial, state))
+        column(None, *rows, None, on=self, spacing=0, margins=margins)
 
 
 def arrange_in_slots(layout: QGridLayout, tiles: Mapping[str, QWidget], names: Sequence[str], slots: Slots) -> None:
