@@ -7,9 +7,9 @@ from calstation.registers import journal
 from calstation.registers.interrupted import (
     DECISIONS,
     UnverifiedTransfer,
+    open_transfer,
     recover_interrupted,
     registers_changed,
-    transfer_open,
 )
 from calstation.registers.journal import Purpose, Transfer, journal_folder
 from calstation.registers.operation import moves_table, run_operation

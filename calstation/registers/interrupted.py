@@ -10,7 +10,7 @@ from calstation.connection import Devices, ImuSession, capture_rest
 from calstation.devices import Imu
 from calstation.devices.imu import Closing, FlashContent, TransferResult, finish, read_flash_content, restore
 from calstation.registers import journal
-from calstation.registers.journal import journal_folder
+from calstation.registers.journal import Transfer, journal_folder
 from calstation.registers.preconditions import check_unit_model, undecided
 from calstation.registers.verification import finish_verification
 from calstation.sequencer import Emit, Message, RunInBackground, VerificationData, check_power
@@ -36,13 +36,13 @@ class UnverifiedTransfer:
         self.on_verified()
 
 
-def transfer_open(folder: Path, serial: str) -> bool:
-    """Return whether a transfer to a unit has written registers and has not ended, according to its journal.
+def open_transfer(folder: Path, serial: str) -> Transfer | None:
+    """Return the transfer to a unit that has written registers and has not ended, according to its journal, or None.
 
     `folder` is that of `journal_folder`. Raises ConfigurationError if the journal is damaged.
     """
     entry = journal.interrupted(folder, serial)
-    return entry is not None and bool(entry.steps)
+    return entry if entry is not None and entry.steps else None
 
 
 def registers_changed(folder: Path, serial: str, since: str) -> bool:

@@ -134,6 +134,11 @@ class Transfer:
         self.closing = str(closing)
 
     @property
+    def written(self) -> bool:
+        """Whether the restarted unit has its new registers, so that only their verification is missing."""
+        return self.steps[-1:] == [Step.RESTARTED] and Step.RESTORING not in self.steps
+
+    @property
     def cycles(self) -> int:
         """Number of flash cycles that the transfer used."""
         return self.steps.count(Step.COMMITTING)

@@ -24,7 +24,7 @@ from calstation.errors import ConfigurationError
 from calstation.messages import Text, Value
 from calstation.quality import require_standards
 from calstation.records import LogMeta, open_log
-from calstation.registers import DECISIONS, journal_folder, transfer_open
+from calstation.registers import DECISIONS, journal_folder, open_transfer
 from calstation.results import History
 from calstation.runs.hooks import station_hooks
 from calstation.runs.interrupted import Interrupted, interrupted_units
@@ -147,15 +147,17 @@ class RunStart:
     def _ask_transfer(self) -> Question | None:
         """Ask about the units whose registers a transfer may have changed without having been verified."""
         folder = journal_folder(self._setups[0].station, self.request.out)
-        serials = [serial for setup in self._setups if transfer_open(folder, serial := setup.request.serial)]
-        if not serials:
+        found = (open_transfer(folder, setup.request.serial) for setup in self._setups)
+        transfers = [transfer for transfer in found if transfer is not None]
+        if not transfers:
             return None
-        by_hand = self._setups[0].table.by_hand
-        code = f"transfer_interrupted{'_manual' if by_hand else ''}"
-        refusal = ConfigurationError("run.transfer_interrupted", serials=serials)
-        return Question(
-            "transfer", self._text(code, {"serial": serials[0], "serials": serials}), DECISIONS[::-1], refusal
-        )
+        serials = [transfer.serial for transfer in transfers]
+        code = "transfer_unverified" if all(transfer.written for transfer in transfers) else "transfer_interrupted"
+        refusal = ConfigurationError(f"run.{code}", serials=serials)
+        which = "units_" if len(serials) > 1 else ""
+        by_hand = "_manual" if self._setups[0].table.by_hand else ""
+        text = Text(f"question.{which}{code}{by_hand}", {"serial": serials[0], "serials": serials})
+        return Question("transfer", text, DECISIONS[::-1], refusal)
 
     def _ask_resume(self) -> Question | None:
         request, station = self.request, self._setups[0].station

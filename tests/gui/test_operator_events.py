@@ -39,6 +39,7 @@ from calstation.sequencer import (
 from tests.check_rows import check_row
 from tests.dead_logs import write_dead_log
 from tests.gui.conftest import RESULT, SERIAL, Operator
+from tests.open_transfers import WRITTEN, write_open_transfer
 from tests.site_folder import STATION, SiteFolder
 
 ENDED: dict[str, Any] = {**RESULT, "attempt": 1, "duration_s": 60.0, "advice": "resume"}
@@ -48,7 +49,8 @@ ENDED: dict[str, Any] = {**RESULT, "attempt": 1, "duration_s": 60.0, "advice": "
 def simulated_run(operator: Operator) -> Operator:
     """An operator during a run that consists of emitted events."""
     link = operator.window.app.engine_link
-    link.request = RunRequest(SERIAL, operator.site_folder.station, operator.site_folder.product)
+    site = operator.site_folder
+    link.request = RunRequest(SERIAL, site.station, site.product, out=operator.window.app.runs_folder)
     link.running_changed.emit(True)
     return operator
 
@@ -876,12 +878,17 @@ def test_a_stop_while_unloading_shows_the_verdict_with_a_note(
 
 
 @pytest.mark.parametrize(
-    ("language", "advised"), [("en", "The new registers are not verified"), ("zh_CN", "新寄存器尚未验证")]
+    ("language", "advised", "asked"),
+    [
+        ("en", "The new registers are not verified: choose", f"The new registers of {SERIAL} are written, but not"),
+        ("zh_CN", "新寄存器尚未验证：请选择", f"{SERIAL} 的新寄存器已写入，但尚未验证"),
+    ],
 )
 def test_a_stop_before_the_verification_asks_about_the_registers(
-    simulated_run: Operator, language: str, advised: str
+    simulated_run: Operator, language: str, advised: str, asked: str
 ) -> None:
     link, page = simulated_run.window.app.engine_link, simulated_run.window.operator_page
+    write_open_transfer(simulated_run.window.app.runs_folder, SERIAL, *WRITTEN)
     simulated_run.window.app.set_language(language)
     link.event.emit(StateChanged("running", "preparing"))
     link.event.emit(Message("verifying"))
@@ -890,11 +897,42 @@ def test_a_stop_before_the_verification_asks_about_the_registers(
     link.event.emit(StateChanged("stopped", "stopping"))
     end_run(simulated_run, "stopped", advice="repeat")
     assert page._verdict.action_label.text().startswith(advised)
+    assert asked in simulated_run.says()
     assert simulated_run.widget("restore_choice").isVisible()
     assert simulated_run.widget("serial_edit", QLineEdit).text() == SERIAL
     assert not simulated_run.widget("start_button").isEnabled()
     simulated_run.press("cancel_choice")
     assert simulated_run.widget("start_button").isEnabled()
+
+
+@pytest.mark.parametrize(
+    ("language", "asked"),
+    [("en", f"Writing the registers of {SERIAL} was interrupted"), ("zh_CN", f"向 {SERIAL} 写寄存器时中断")],
+)
+def test_a_fault_while_registers_are_written_asks_about_them(
+    simulated_run: Operator, monkeypatch: pytest.MonkeyPatch, language: str, asked: str
+) -> None:
+    """The run is not offered to be resumed, which its changed registers would prevent."""
+    requests: list[RunRequest] = []
+    monkeypatch.setattr(EngineLink, "start", lambda _, order: requests.append(order))
+    link, app = simulated_run.window.app.engine_link, simulated_run.window.app
+    app.set_language(language)
+    log = write_dead_log(app.runs_folder, SERIAL, solved=2, station="test bench")
+    write_open_transfer(app.runs_folder, SERIAL)
+    link.request = replace(link.request, resume=log)
+    link.event.emit(StateChanged("running", "preparing"))
+    link.event.emit(Message("registers_transfer"))
+    cause = Text("imu.reads_back_differently", {"name": "gyro_bias_x", "found": 0.0, "wanted": 1.0, "address": 4})
+    link.event.emit(Fault.of(DeviceFaultError("imu.holds_new", serial=SERIAL, cause=cause)))
+    end_run(simulated_run, "fault", advice="repeat")
+    simulated_run.press("acknowledge_button")
+    simulated_run.until_no_job()
+    assert asked in simulated_run.says()
+    assert simulated_run.window.focusWidget() is simulated_run.widget("cancel_choice")
+    assert not simulated_run.widget("start_button").isEnabled()
+    simulated_run.press("finish_choice")
+    (request,) = requests
+    assert (request.serial, request.unfinished, request.resume) == (SERIAL, "finish", None)
 
 
 WARNING = {"en": "The table may still move", "zh_CN": "转台可能仍在动"}

@@ -13,14 +13,13 @@ from PySide6.QtWidgets import QLineEdit, QPushButton
 from calstation.cli import run as run_module
 from calstation.cli.app import run_app
 from calstation.config import RunRequest, access
-from calstation.devices.imu import Step
 from calstation.gui.state.engine_link import EngineLink
-from calstation.registers import Purpose, journal
 from calstation.results import History
 from calstation.runs import RunStart, finish_incomplete
 from tests.database.result_files import write_result
 from tests.dead_logs import write_dead_log
 from tests.gui.conftest import SERIAL, Operator
+from tests.open_transfers import WRITTEN, write_open_transfer
 from tests.site_folder import STATION, SiteFolder
 
 PIN = "246813"
@@ -97,7 +96,7 @@ class Terminal:
 
     def answer(self, name: str) -> None:
         """Run the command again, and answer yes to the question named by the answer."""
-        self._run((False, True) if name == "anew" else (True,))
+        self._run((False, True) if name in ("anew", "finish") else (True,))
 
 
 @pytest.fixture
@@ -152,19 +151,30 @@ def interrupted(site: SiteFolder) -> None:
     finish_incomplete(site.runs)
 
 
+def interrupted_transfer(site: SiteFolder, *serials: str) -> None:
+    """Record that writing the registers of units was interrupted."""
+    for serial in serials or (SERIAL,):
+        write_open_transfer(site.runs, serial)
+
+
 def unverified(site: SiteFolder, *serials: str) -> None:
     """Record that registers were written to units, but not verified."""
     for serial in serials or (SERIAL,):
-        entry = journal.begin(site.runs, serial, {}, {"gyro_bias_x": 1e-6}, Purpose("Li Na", "run", "a.h5"))
-        entry.note(Step.COMMITTED)
+        write_open_transfer(site.runs, serial, *WRITTEN)
 
 
 CASES: dict[str, tuple[Callable[[SiteFolder], None], str, str, dict[str, object]]] = {
     "transfer": (
-        unverified,
+        interrupted_transfer,
         f"Writing the registers of {SERIAL} was interrupted",
         "restore",
         {"unfinished": "restore"},
+    ),
+    "verification": (
+        unverified,
+        f"The new registers of {SERIAL} are written, but not verified",
+        "finish",
+        {"unfinished": "finish"},
     ),
     "passed": (passed, ", as MEMS 7. Calibrate it once more?", "repeat", {}),
     "attempts": (
@@ -258,7 +268,7 @@ def test_permission_asked_for_is_dropped_with_its_station(
     assert started == []
 
 
-@pytest.mark.parametrize("case", [case for case in CASES if case != "transfer"])
+@pytest.mark.parametrize("case", [case for case in CASES if case not in ("transfer", "verification")])
 def test_command_without_a_terminal_names_the_option_and_refuses_what_needs_a_person(
     case: str, site_folder: SiteFolder, capsys: pytest.CaptureFixture[str], started: list[RunRequest]
 ) -> None:
@@ -291,11 +301,11 @@ def test_command_without_a_terminal_leaves_an_interrupted_transfer_to_the_check_
     unverified(site_folder)
     where = ("--station", site_folder.station, "--product", site_folder.product, "--out", site_folder.runs)
     run_app([str(word) for word in ("run", *where, "--serial", SERIAL)])
-    assert f"Writing the registers was interrupted: {SERIAL}." in capsys.readouterr().err
+    assert f"New registers are written, but not verified: {SERIAL}." in capsys.readouterr().err
     assert started[0].unfinished is None, "the engine refuses the run unless the unit has its old registers"
 
 
-@pytest.mark.parametrize(("language", "question"), [("en", "Writing the registers of"), ("zh_CN", "写寄存器时中断")])
+@pytest.mark.parametrize(("language", "question"), [("en", "but not verified"), ("zh_CN", "新寄存器已写入，")])
 def test_unverified_registers_are_asked_about_at_the_scan(
     operator: Operator, started: list[RunRequest], language: str, question: str
 ) -> None:
@@ -335,7 +345,7 @@ def test_unverified_registers_of_several_units_are_asked_about_together(
     for serial in ("SN-000001", "SN-000002", "SN-000003"):
         operator.scan(serial)
     operator.press("start_button")
-    assert "Writing the registers was interrupted: SN-000001, SN-000003" in operator.says()
+    assert "New registers are written, but not verified: SN-000001, SN-000003" in operator.says()
     assert started == []
     operator.press("restore_choice")
     (request,) = started

@@ -36,6 +36,7 @@ from tests.check_rows import check_row
 from tests.database.result_files import write_result
 from tests.dead_logs import write_dead_log
 from tests.gui.conftest import RESULT, Operator
+from tests.open_transfers import write_open_transfer
 from tests.site_folder import STATION
 
 #: A unit that does not answer.
@@ -97,7 +98,9 @@ def begin(operator: Operator) -> None:
     """Start a run of the units in the slots, up to its first stage."""
     app = operator.window.app
     link, slots = app.engine_link, operator.window.operator_page._starting.slots
-    link.request = RunRequest(slots.units[0], app.station_path, app.product_path, serials=slots.serials)
+    link.request = RunRequest(
+        slots.units[0], app.station_path, app.product_path, serials=slots.serials, out=app.runs_folder
+    )
     link._engine = Mock()
     link.running_changed.emit(True)
     link.event.emit(StateChanged("preparing", "idle"))
@@ -555,7 +558,7 @@ def test_interrupted_transfer_is_recovered_only_for_its_unit(operator: Operator,
     use_slots(operator, 2)
     begin(operator)
     link = operator.window.app.engine_link
-    link.event.emit(Message("transfer_open", {"serial": "SN-000002"}, slot="2"))
+    write_open_transfer(operator.window.app.runs_folder, "SN-000002")
     link.event.emit(replace(NO_ANSWER, slot="2"))
     for slot, outcome in (("1", "passed"), ("2", "fault")):
         end_unit(operator, slot, outcome)

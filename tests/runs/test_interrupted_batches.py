@@ -17,7 +17,7 @@ from calstation.devices.imu import Closing, Step
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import Language, sentence
 from calstation.records import Verdict
-from calstation.registers import Purpose, journal
+from calstation.registers import journal
 from calstation.results import History, load_result
 from calstation.runs import RunStart, find_interrupted, find_resumable, finish_incomplete
 from calstation.runs import run as run_module
@@ -28,6 +28,7 @@ from calstation.sequencer import LastSample, State, StopRequested
 from calstation.simulation import bench_config
 from tests.dead_logs import NOW, write_dead_log
 from tests.helpers import ignore_progress, raises_code
+from tests.open_transfers import write_open_transfer
 from tests.runs.test_batch_runs import SERIALS, batch_of
 from tests.site_folder import SiteFolder
 
@@ -85,9 +86,7 @@ def write_transfer(
     utc = (NOW - timedelta(hours=hours_ago)).isoformat()
     with monkeypatch.context() as context:
         context.setattr(journal, "_now", lambda: utc)
-        entry = journal.begin(site_folder.runs, UNIT, {}, {"gyro_bias_x": 1e-6}, Purpose("Li Na", "run", "a.h5"))
-    for step in steps:
-        entry.note(step)
+        entry = write_open_transfer(site_folder.runs, UNIT, *steps)
     if closing:
         entry.close(Closing(closing))
 
@@ -99,10 +98,9 @@ def write_transfer(
         (0.5, (Step.WRITTEN, Step.COMMITTING, Step.COMMITTED, Step.RESTARTED), "done", False),
         (0.5, (Step.COMMITTING, Step.RESTORING, Step.COMMITTED, Step.RESTARTED), "restored", False),
         (0.5, (Step.WRITTEN, Step.COMMITTING), "kept", True),
-        (0.5, (), "", True),
         (2.0, (Step.WRITTEN, Step.COMMITTING), "", True),
     ],
-    ids=["interrupted", "done", "restored", "kept", "not begun", "before the run"],
+    ids=["interrupted", "done", "restored", "kept", "before the run"],
 )
 def test_run_is_not_resumed_after_registers_were_written_since_its_start(
     site_folder: SiteFolder,

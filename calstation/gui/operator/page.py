@@ -305,10 +305,11 @@ class OperatorPage(Page):
         if not self._offer_due or self.app.engine_link.running or run.chamber.must_stay_closed or run.stop_incomplete:
             return
         self._offer_due = False
-        undecided = (unit for unit in run.units if unit.transfer is not None or (unit.unverified and not unit.slot))
-        interrupted = next(undecided, None)
-        if interrupted is not None and request is not None:
-            self._starting.ask_transfer(request, interrupted.serial)
+        # START asks about those units of a batch that are offered again together
+        ended = [unit.serial for unit in run.units if not (unit.slot and unit.unfinished)]
+        undecided = next(filter(self._starting.has_open_transfer, ended), None)
+        if undecided is not None and request is not None:
+            self._starting.ask_transfer(request, undecided)
         else:
             self._starting.offer_unfinished()
 
@@ -464,16 +465,16 @@ class OperatorPage(Page):
             self._verdict.close_button.setFocus()
             self._ask_transfer()
         else:
-            if self.app.run.unit.transfer is not None:
+            if self.notice.offers("restore_choice"):
                 self.notice.dismiss()
             self._verdicts.focus_unit()
 
     def _ask_transfer(self) -> None:
-        """Ask about the interrupted transfer of the displayed unit after the engine has ended."""
-        unit, request = self.app.run.unit, self.app.engine_link.request
-        open_and_ended = self._unit_opened and self.app.run.ended and not self.app.engine_link.running
-        if open_and_ended and unit.transfer is not None and request is not None:
-            self._starting.ask_transfer(request, unit.serial)
+        """Ask about the open transfer of the displayed unit after the engine has ended."""
+        run, request = self.app.run, self.app.engine_link.request
+        may_ask = self._unit_opened and run.ended and not (run.why_not_start or self.notice.asking)
+        if may_ask and request is not None and self._starting.has_open_transfer(run.unit.serial):
+            self._starting.ask_transfer(request, run.unit.serial)
 
     def _message_text(self) -> str:
         run = self.app.run

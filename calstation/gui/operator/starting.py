@@ -20,7 +20,7 @@ from calstation.gui.text import on_language_change, say, term
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
 from calstation.records import Verdict
-from calstation.registers import journal_folder, transfer_open
+from calstation.registers import journal_folder, open_transfer
 from calstation.results import History
 from calstation.runs import Interrupted, RunSummary, product_of, resumable_run
 from calstation.sound import play
@@ -191,12 +191,14 @@ class RunStarter(QObject):
 
     def _interrupted(self, serial: str, station: str) -> bool:
         """Return whether START asks about an interrupted run of a unit, or about its registers."""
-        folder = self._app.runs_folder
+        return self.has_open_transfer(serial) or resumable_run(self._app.history(), serial, station) is not None
+
+    def has_open_transfer(self, serial: str) -> bool:
+        """Return whether registers were written to a unit and neither verified nor restored."""
         with suppress(CalstationError):  # START shows an error in the journal
-            here = journal_folder(load_station(self._app.station_path)[1], folder)
-            if transfer_open(here, serial):
-                return True
-        return resumable_run(self._app.history(), serial, station) is not None
+            folder = journal_folder(load_station(self._app.station_path)[1], self._app.runs_folder)
+            return open_transfer(folder, serial) is not None
+        return False
 
     @property
     def asking(self) -> bool:
@@ -295,7 +297,7 @@ class RunStarter(QObject):
     def _last_slot(self, serial: str, station: str) -> Slot | None:
         """Return the slot in which a unit was last or was interrupted, or None if a scan does not fill it."""
         name = self.slots.last(serial)
-        if not name and (interrupted := resumable_run(self._app.runs_folder, serial, station)) is not None:
+        if not name and (interrupted := resumable_run(self._app.history(), serial, station)) is not None:
             name = interrupted.slot or ""
         return self.slots.free(name)
 
@@ -323,20 +325,11 @@ class RunStarter(QObject):
         )
 
     def ask_transfer(self, request: RunRequest, serial: str) -> None:
-        """Ask whether to undo or finish an interrupted transfer, then start a run of this unit only."""
+        """Ask whether to undo or finish an open transfer, then start a run of this unit only from its first stage."""
         slots = tuple(other if other == serial else "" for other in request.serials)
-        logs = dict(zip(filter(None, request.serials), request.resumes, strict=False))
-        resumes = (logs[serial],) if serial in logs else ()
-        request = replace(request, serial=serial, serials=slots, batch=None, resumes=resumes)
-        manual = self.run_summary is None or self.run_summary.by_hand
-        code = "question.transfer_interrupted_manual" if manual else "question.transfer_interrupted"
-        answers = {
-            "restore": lambda: self.dialog.begin(replace(request, unfinished="restore")),
-            "finish": lambda: self.dialog.begin(replace(request, unfinished="finish")),
-            "cancel": self._header.focus_scan,
-        }
         self._header.set_serial("" if self.slots else serial)  # instead of a suggested unit
-        ask(self._notice, "caution", Text.of(code, serial=serial), answers, primary="cancel")
+        anew = replace(request, serial=serial, serials=slots, batch=None, resume=None, resumes=(), unfinished=None)
+        self.dialog.begin(anew)
 
     def _resume(self, interrupted: Interrupted) -> None:
         self._header.set_serial("")  # if the run is refused, no unit that was not scanned can be started

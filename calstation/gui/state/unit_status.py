@@ -122,8 +122,6 @@ class UnitStatus:
     sigma: dict[str, float] = field(default_factory=dict)  #: Largest sigma of each parameter group, SI units.
     #: Ids and values of the messages that are shown again with the verdict.
     remarks: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
-    #: Values of an interrupted register transfer on which the operator has to decide, or None.
-    transfer: Mapping[str, Any] | None = None
     failing: bool = False  #: Whether the unit will fail, whatever the remaining stages give.
     fault: Fault | None = None  #: Fault of the unit or of the table, at a station with several slots.
     finalized: Finalized | None = None
@@ -230,8 +228,6 @@ class UnitStatus:
         starts = _TRANSFER_STARTS if self.slot else (*_TRANSFER_STARTS, "reference")
         if message == "will_fail":
             self.failing = True
-        elif message == "transfer_open":
-            self.transfer = values
         elif message == "stopped_early":
             self._row(str(values.get("stage"))).state = "bad"
         elif message in starts and row.state != "active":
