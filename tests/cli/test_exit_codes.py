@@ -154,7 +154,7 @@ def test_output_that_cannot_be_written_is_an_error(tmp_path: Path, redirection: 
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "redirection", sampled(2, ["--json - >/dev/full", "--json - >&-", "2>&-", ">/dev/full 2>/dev/full"])
+    "redirection", sampled(4, ["--json - >/dev/full", "--json - >&-", "2>&-", ">/dev/full 2>/dev/full"])
 )
 def test_exit_code_of_a_run_is_its_verdict_whatever_becomes_of_its_output(tmp_path: Path, redirection: str) -> None:
     SiteFolder(tmp_path)

@@ -10,8 +10,14 @@ from tests.outside.sweep import Case, run
     [
         (3.7, False, "bench"),
         *(
-            pytest.param(ratio, ratio < 3.0, simulator, marks=pytest.mark.long)
-            for ratio, simulator in ((1.0, "bench"), (1.0, "plain"), (2.0, "bench"), (2.0, "plain"), (3.7, "plain"))
+            pytest.param(ratio, ratio < 3.0, simulator, marks=mark)
+            for ratio, simulator, mark in (
+                (1.0, "bench", pytest.mark.exhaustive),
+                (1.0, "plain", pytest.mark.long),
+                (2.0, "bench", pytest.mark.long),
+                (2.0, "plain", pytest.mark.exhaustive),
+                (3.7, "plain", pytest.mark.long),
+            )
         ),
     ],
 )

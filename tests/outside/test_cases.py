@@ -1,6 +1,7 @@
 """Causes are named in the schedules in which they are hard to tell apart; all kinds of cases: `tests.outside.cases`."""
 
 import pytest
+from helpers import sampled
 
 from tests.outside.cases import CHANGES, Row, configurations, is_right, rows
 from tests.outside.sweep import run
@@ -36,7 +37,9 @@ def test_cause_is_not_the_one_that_it_resembles(title: str, product: str, simula
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("row", [row for row in rows() if "hysteresis" in row.title], ids=lambda row: row.title)
+@pytest.mark.parametrize(
+    "row", sampled(2, [row for row in rows() if "hysteresis" in row.title]), ids=lambda row: row.title
+)
 def test_hysteresis_is_named_in_four_stages(row: Row) -> None:
     """The azimuth flips begin with a move, which determines the sense of the last turn at their first rest."""
     for case in row.cases(1):

