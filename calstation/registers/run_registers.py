@@ -46,7 +46,7 @@ class RunRegisters:
         elif self.verified:
             yield Text("registers.written")
         elif not self._restored:
-            yield Text("registers.unverified")
+            yield Text("registers.interrupted" if registers.new is None else "registers.unverified")
         if registers.proved_on == "read_back":
             yield Text("registers.read_back")
         if self.verified and not registers.verified:
@@ -74,7 +74,7 @@ def unit_transfer(station: StationConfig, runs: Path, serial: str) -> Transfer |
 
 
 def run_registers(result: Result, runs: Path) -> RunRegisters | None:
-    """Return the registers that a run wrote, or None if it wrote none.
+    """Return the registers that a run wrote or began to write, or None if it wrote none.
 
     Raises ConfigurationError if the journal of the unit is damaged.
 
@@ -84,7 +84,7 @@ def run_registers(result: Result, runs: Path) -> RunRegisters | None:
     runs : folder of its log, in which a virtual bench keeps the journals of its units
     """
     registers = result.registers
-    if registers is None or registers.new is None:
+    if registers is None:
         return None
     log = Path(result.log.file).name
     for folder in (runs, site_folder()):
@@ -93,5 +93,6 @@ def run_registers(result: Result, runs: Path) -> RunRegisters | None:
         if own is not None:
             latest = journal.in_unit(transfers[own + 1 :])
             replaced = latest is not None and latest.new != transfers[own].new
-            return RunRegisters(registers, transfers[own], latest if replaced else None)
-    return RunRegisters(registers)
+            written = registers.new is not None or journal.in_unit(transfers[own : own + 1]) is not None
+            return RunRegisters(registers, transfers[own], latest if replaced else None) if written else None
+    return None if registers.new is None else RunRegisters(registers)

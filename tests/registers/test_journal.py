@@ -19,6 +19,7 @@ from calstation.results import SCHEMA, Result
 from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
 
+NEW_OF_RUN = {"gyro_bias_x": 1.0}
 OLD, NEW = {"gyro_bias_x": 1e-6, "gyro_bias_y": float("nan")}, {"gyro_bias_x": 2e-6, "gyro_bias_y": -0.0}
 
 
@@ -262,8 +263,8 @@ def write(runs: Path, new: dict[str, float], source: str, closing: Closing | Non
     return made
 
 
-def state(runs: Path, *, verified: bool = True) -> str:
-    """Return the statement about the registers of the run ``a.h5``, without times."""
+def state(runs: Path, *, verified: bool = True, new: dict[str, float] | None = NEW_OF_RUN) -> str:
+    """Return the statement about the registers of the run ``a.h5``, without times; "" if it wrote none."""
     written = {"verified": True, "written_utc": "2026-11-21T15:04:00+00:00"} if verified else {}
     result = {
         "schema": SCHEMA,
@@ -272,11 +273,10 @@ def state(runs: Path, *, verified: bool = True) -> str:
         "parameters": {},
         "outcome": "passed",
         "log": {"file": "/gone/a.h5"},
-        "registers": {"new": {"gyro_bias_x": 1.0}, **written},
+        "registers": {"new": new, **written},
     }
     found = run_registers(Result.from_json(result), runs)
-    assert found is not None
-    return ", ".join(re.sub(r" \d{4}-.*", "", sentence(text)) for text in found.texts)
+    return "" if found is None else ", ".join(re.sub(r" \d{4}-.*", "", sentence(text)) for text in found.texts)
 
 
 def test_journal_says_whether_the_registers_of_a_run_are_still_in_the_unit(tmp_path: Path) -> None:
@@ -300,3 +300,11 @@ def test_registers_that_a_run_did_not_verify_are_stated_until_the_transfer_ends(
     assert state(tmp_path, verified=False) == "registers written, verified after the run"
     made.close(Closing.RESTORED)
     assert state(tmp_path, verified=False) == "old registers restored after the run"
+
+
+def test_interruption_during_the_transfer_is_stated_although_the_result_has_no_new_registers(tmp_path: Path) -> None:
+    assert state(tmp_path, verified=False, new=None) == ""
+    made = write(tmp_path, NEW_OF_RUN, "a.h5", None)
+    assert state(tmp_path, verified=False, new=None) == "writing the registers was interrupted"
+    made.close(Closing.RESTORED)
+    assert state(tmp_path, verified=False, new=None) == ""
