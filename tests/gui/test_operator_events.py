@@ -396,8 +396,9 @@ def test_interrupted_unit_scanned_again_is_resumed_or_restarted(
     assert "interrupted" not in operator.says()
     operator.scan("SN-000003")
     assert "SN-000003 was interrupted in stage 2" in operator.says()
-    operator.press("start_button")
-    assert "SN-000003 was interrupted in stage 2" in operator.says()
+    assert not operator.widget("start_button").isEnabled()
+    assert operator.message == "Answer the question above first."
+    assert "READY" not in operator.says().split("\n")
     operator.press("cancel_choice")
     operator.press("start_button")
     assert started == []
@@ -427,10 +428,32 @@ def test_unit_that_has_left_the_table_is_offered_only_after_its_scan(
     write_dead_log(runs, "SN-000004", 0, hours_ago=0.5, station="test bench")
     operator.window.app.set_language(language)
     operator.window.operator_page._starting.interrupted.recover()
-    operator.until_no_job()
+    operator.until(lambda: not operator.run.reading_runs)
     assert question not in operator.says()
     operator.scan("SN-000003")
     assert question in operator.says()
+
+
+@pytest.mark.parametrize(
+    ("language", "why"), [("en", "The program is looking for interrupted runs."), ("zh_CN", "正在查找中断的标定。")]
+)
+def test_nothing_starts_before_interrupted_runs_were_looked_for(operator: Operator, language: str, why: str) -> None:
+    write_dead_log(operator.window.app.runs_folder, station="test bench")
+    operator.window.app.set_language(language)
+    start = operator.widget("start_button", QPushButton)
+    operator.scan(SERIAL)
+    assert start.isEnabled()
+    operator.window.operator_page._starting.interrupted.recover()
+    assert not start.isEnabled()
+    assert start.toolTip() == why
+    operator.until(lambda: operator.message == why)
+    assert not {"READY", "就绪"} & set(operator.says().split("\n"))
+    operator.until(lambda: operator.window.operator_page.notice.asking)
+    assert not start.isEnabled()
+    operator.press("later_choice")
+    assert start.isEnabled()
+    operator.window.operator_page._starting.interrupted.offer()
+    assert start.isEnabled(), "a later search may wait for other work"
 
 
 def test_completed_stages_of_a_resumed_run_are_done_from_the_beginning(operator: Operator) -> None:

@@ -671,10 +671,11 @@ def test_interrupted_batch_is_resumed_together_from_its_page(operator: Operator,
     operator.until(lambda: "2 units interrupted in stage 2" in operator.says())
     start = operator.widget("start_button", QPushButton)
     assert serials(operator) == ("", "", "")  # nobody has scanned a unit
-    for language, why in (("zh_CN", "请先回答关于中断标定的问题。"), ("en", "Answer the question about the interr")):
+    for language, why in (("zh_CN", "请先回答上面的问题。"), ("en", "Answer the question above first.")):
         app.set_language(language)
         assert not start.isEnabled()
         assert start.toolTip().startswith(why)
+        assert operator.message == why
         assert "1: SN-000001" in operator.says()
     assert "1: SN-000001, 3: SN-000003. Not resumed: SN-000002 (no stage or temperature completed)." in operator.says()
     assert operator.window.focusWidget() is operator.widget("later_choice")  # not what nobody has confirmed

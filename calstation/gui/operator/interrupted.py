@@ -46,12 +46,15 @@ class InterruptedRuns(QObject):
         self._search = app.job(self, find_interrupted, self._search_done, failed=self._search_failed)
         self._closing = app.job(self, close_incomplete_job)
         self._recovering = False  #: Whether `recover` has been called.
+        self._first = False  #: Whether the first search after it has not ended.
         #: Start of the run that left the chamber at an unknown temperature; "" for none.
         self._left = ""
         self._chamber = app.job(self, find_chamber_left, self._chamber_found, failed=self._chamber_not_found)
         self._recovery = app.job(
             self, recover_at_startup, lambda done: self._show_delivery(done.delivery), failed=self._recovery_failed
         )
+        for search in (self._chamber, self._search):
+            search.busy_changed.connect(self._searching_changed)
         notice.report_failures(self._closing, "common.run_not_closed", header.focus_scan)
         app.resume_run.connect(lambda log: self.offer(log=log))
         app.run.chamber_acknowledged.connect(self._chamber_looked_at)
@@ -70,9 +73,14 @@ class InterruptedRuns(QObject):
         before this is known.
         """
         self._recovering = True
-        if self._app.runs_folder.is_dir():
+        self._first = self._app.runs_folder.is_dir()
+        if self._first:
             self._find_chamber_left()
             self._recovery.start(self._app.runs_folder, self._app.station_path)
+
+    def _searching_changed(self) -> None:
+        """Let no run start before the first search has ended; a later one may wait for other work in the background."""
+        self._app.run.set_reading_runs(self._first and (self._chamber.busy or self._search.busy))
 
     def _station_changed(self) -> None:
         if self._recovering and self._app.runs_folder.is_dir():  # the chamber is that of the other station
@@ -139,6 +147,7 @@ class InterruptedRuns(QObject):
             otherwise()
 
     def _search_done(self, found: list[Interrupted]) -> None:
+        self._first = False
         if self._app.engine_link.running or self.run_summary is None or self._app.run.stop_incomplete:
             return
         found = [each for each in found if (each.runs[0].slot is not None) == bool(self.run_summary.slots)]
@@ -159,6 +168,7 @@ class InterruptedRuns(QObject):
             ask(self._notice, "caution", Text.of("question.nothing_to_resume"), {})
 
     def _search_failed(self, error: CalstationError) -> None:
+        self._first = False
         engineer = self._app.role.engineer
         ask(self._notice, "caution", refusal("cannot_resume", error, engineer=engineer), {}, engineer=engineer)
 

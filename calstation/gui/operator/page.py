@@ -406,7 +406,8 @@ class OperatorPage(Page):
         self._verdicts.refuse_again(say("operator.answer_first") if self._starting.asking_about_units else "")
         starting = self._starting
         missing = self.header.badge_field.required or starting.refused is not None or bool(self._overdue())
-        missing = missing or starting.asking or run.unreset is not None
+        waiting = run.why_not_start == "operator.reading_runs" or run.unreset is not None
+        missing = missing or starting.asking or waiting
         waits = run.display_state == "idle" and run.elsewhere is None and missing and not run.stop_incomplete
         self._badge.show_state(*(("none", term("badge", "not_ready")) if waits else run_badge(run)))
         self._message.setText(self._message_text())
@@ -480,10 +481,14 @@ class OperatorPage(Page):
         run = self.app.run
         if urgent := urgent_message(run, engineer=self.app.role.engineer):
             return urgent
+        if run.display_state == "idle" and run.reading_runs:
+            return say("operator.reading_runs")
         if run.display_state == "idle" and self.header.badge_field.required:
             return say("operator.sign_in")
         if run.display_state == "idle" and run.unreset is not None:
             return fault_text(run.unreset, engineer=self.app.role.engineer).remedy
+        if run.display_state == "idle" and self._starting.asking:
+            return say("operator.answer_first")
         if run.display_state == "idle" and self._starting.refused is not None:
             return rendered(self._starting.refused).text
         if run.display_state == "idle" and (causes := self._overdue()):

@@ -186,7 +186,7 @@ class RunStarter(QObject):
         summary = self.run_summary
         if summary is None or not accepted or self.slots or header.badge_field.required:
             return
-        if self._interrupted(header.serial, summary.station):
+        if not self._app.run.reading_runs and self._interrupted(header.serial, summary.station):
             self.start()
 
     def _interrupted(self, serial: str, station: str) -> bool:
@@ -203,7 +203,7 @@ class RunStarter(QObject):
     @property
     def asking(self) -> bool:
         """Whether a question about an interrupted run or transfer is open, which must be answered before START."""
-        return self.interrupted.asking or self._notice.offers("restore_choice")
+        return any(self._notice.offers(f"{answer}_choice") for answer in ("later", "restore", "anew"))
 
     @property
     def asking_about_units(self) -> bool:

@@ -108,6 +108,8 @@ class RunStatus(QObject):
         self.stage_ending = ""
         #: Fault of the last run until `acknowledge` is called.
         self.fault: Fault | None = None
+        #: Whether interrupted runs are looked for after the start of the window, before which no run can start.
+        self.reading_runs = False
         #: State before the fault, in which the run continues if its engine responds again.
         self._before_fault = ""
         #: Host time at the start of the first stage, s, and completed device time at that time, s.
@@ -346,6 +348,12 @@ class RunStatus(QObject):
         self.chamber.set_left(left)
         self.changed.emit()
 
+    def set_reading_runs(self, reading: bool) -> None:
+        """Set whether interrupted runs are looked for after the start of the window."""
+        if reading != self.reading_runs:
+            self.reading_runs = reading
+            self.changed.emit()
+
     def acknowledge_chamber(self) -> None:
         """Remove the notice about the chamber after a run."""
         self.chamber.acknowledge()
@@ -372,7 +380,9 @@ class RunStatus(QObject):
             return "operator.table_unconfirmed"
         if self.chamber.unchecked:
             return "operator.chamber_unchecked"
-        return "operator.chamber_unconfirmed" if self.chamber.must_stay_closed else ""
+        if self.chamber.must_stay_closed:
+            return "operator.chamber_unconfirmed"
+        return "operator.reading_runs" if self.reading_runs else ""
 
     def why_no_run(self, *, engineer: bool) -> str:
         """Return why no run may start with the station and the product, to an engineer or an operator, or ""."""
