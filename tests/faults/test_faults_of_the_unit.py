@@ -218,7 +218,10 @@ def test_register_page_lost_in_a_brown_out_is_reported(fault_runs: FaultRuns) ->
 def test_a_brown_out_during_the_commit_is_recovered_at_the_next_start(fault_runs: FaultRuns) -> None:
     runs = fault_runs.folder / "runs"
     fault_runs.run({"kind": "brown_out_commit", "value": 60.0}).assert_stopped("contains its old registers")
-    fault_runs.run({"kind": "brown_out_commit", "value": 128.0}).assert_stopped("new registers, not yet verified")
+    ran = fault_runs.run({"kind": "brown_out_commit", "value": 128.0})
+    ran.assert_stopped("new registers, which are not yet verified")
+    assert ran.ended.result["advice"] == "repeat", "a resumed run would be refused because of the new registers"
+    assert find_resumable(ignore_progress, runs) == []
     refused = fault_runs.run()
     refused.assert_stopped("was interrupted", "registers finish")
     offers = [e.values["offers"] for e in refused.events if isinstance(e, Message) and e.id == "transfer_open"]
