@@ -31,6 +31,7 @@ class Entry:
     source: str = ""
     resettable: bool = False  #: Whether an operator may reset the fault on the device.
     engineer: bool = False  #: Whether the remedy is for engineers, since it names entries of a profile or of a file.
+    operator: Sequence[str] = ()  #: Text for operators in English and in Chinese, without ports and files.
     values: Sequence[str] = ()  #: Names of the values that follow the name of a step in its label.
 
 

@@ -113,7 +113,7 @@ def render(
     """Render a message in one language. Raises KeyError for an unknown code or a missing value.
 
     With `window`, remedies may refer to elements of the window, such as buttons; in Chinese they always do. With
-    `operator`, remedies that are for engineers are replaced.
+    `operator`, texts with ports and files, and remedies that are for engineers are replaced.
     """
     message = entry(code)
     options = {name: values[name] for name in COMMAND_OPTIONS if name in values}
@@ -123,6 +123,8 @@ def render(
         text, remedy = message.zh, message.zh_remedy
     else:
         text, remedy = message.text, message.window if window and message.window else message.remedy
+    if operator and message.operator:
+        text = message.operator[language == "zh_CN"]
     if operator and message.engineer:
         remedy = render(_ASK, {}, language).text
     return Rendered(source, form.vformat(text, (), values), form.vformat(remedy, (), values), language)

@@ -393,7 +393,7 @@ def test_unit_with_a_fault_is_removed_and_the_others_continue(operator: Operator
     operator.until(lambda: operator.message == "SN-000001 leaves the batch: no answer")
     assert operator.run.in_progress
     assert operator.run.fault is None
-    assert "FAULT: No response on socket" in tile(operator, "unit_1_tile").accessibleName()
+    assert "FAULT: The unit does not respond" in tile(operator, "unit_1_tile").accessibleName()
     link.event.emit(StageProgress("rate", 0.4, 6.0, {}, slot="2"))
     stages = operator.widget("stage_list", QListWidget)
     operator.until(lambda: "40 %" in stages.item(0).data(Qt.ItemDataRole.AccessibleTextRole))
@@ -463,7 +463,7 @@ def test_all_verdicts_are_shown_and_a_click_opens_its_result(operator: Operator)
     assert not operator.widget("stage_list").isVisible()
     words = {slot: operator.widget(f"unit_{slot}_verdict_label", QLabel).text() for slot in ("1", "2", "3")}
     assert words == {"1": "PASS", "2": "FAIL", "3": "FAULT"}
-    for sentence in ("Accel scale factor y is 5000 ppm", "Reseat the unit", "No response on socket", "ask an engineer"):
+    for sentence in ("Accel scale factor y is 5000 ppm", "Reseat the unit", "The unit does not respond", "ask an engineer"):
         assert sentence in says
     assert operator.verdict == ""
     click(operator, "unit_2_verdict")

@@ -236,7 +236,7 @@ def placeholders(text: str) -> set[str]:
 
 def all_placeholders(found: Entry) -> set[str]:
     """Return the placeholder names of all texts of an entry."""
-    texts = (found.text, found.remedy, found.window, found.zh, found.zh_remedy)
+    texts = (found.text, found.remedy, found.window, found.zh, found.zh_remedy, *found.operator)
     return set().union(*map(placeholders, texts)) - set(COMMAND_OPTIONS)
 
 
@@ -265,6 +265,7 @@ def test_every_message_has_the_values_of_its_placeholders() -> None:
 
 def test_every_entry_is_in_both_languages() -> None:
     assert not [e.code for e in all_entries() if not e.zh or bool(e.remedy) > bool(e.zh_remedy)]
+    assert {len(e.operator) for e in all_entries()} == {0, 2}
 
 
 def test_chinese_texts_contain_no_english_sentences_or_library_messages() -> None:
@@ -272,7 +273,7 @@ def test_chinese_texts_contain_no_english_sentences_or_library_messages() -> Non
         r"Modbus (TCP|RTU)|pip install|mcap recover|calstation [a-z]+( [a-z]+)*( --\w+ [\w.]+)*|--stages [a-z,]+"
     )
     for found in all_entries():
-        for text in (found.zh, found.zh_remedy):
+        for text in (found.zh, found.zh_remedy, *found.operator[1:]):
             plain = names.sub("", re.sub(r"\{[^{}]*\}", "", text))
             assert not re.search("[A-Za-z][a-z]+ [A-Za-z]+", plain), found.code
             fields = {name for _, name, _, _ in string.Formatter().parse(text) if name}
@@ -283,6 +284,6 @@ def test_sources_and_families_referenced_by_entries_exist() -> None:
     families = set(catalogue.families())
     for found in all_entries():
         assert found.source in ("", "{device}") or known(f"source.{found.source}"), found.code
-        for text in (found.text, found.remedy, found.zh, found.zh_remedy):
+        for text in (found.text, found.remedy, found.zh, found.zh_remedy, *found.operator):
             for _, name, form, _ in string.Formatter().parse(text):
                 assert not (name and form and form.startswith("@")) or form[1:] in families, found.code

@@ -199,3 +199,17 @@ def test_advice_on_unverified_registers_names_the_button_after_what_to_do_first(
     assert first < second
     assert "Then press" not in remedy
     assert "然后按" not in remedy
+
+
+@pytest.mark.parametrize(("language", "plain"), [("en", "The unit does not respond"), ("zh_CN", "产品在 5 秒内无应答")])
+def test_operators_read_neither_ports_nor_file_names(language: Language, plain: str) -> None:
+    values = {"port": "socket://127.0.0.1:42099", "seconds": 5.0, "device": "imu", "reason": "", "number": 3}
+    values |= {"log": "SN-1.h5", "path": "SN-1.h5", "section": "imu", "address": 1, "last": 2, "unit": 1, "line": "x"}
+    values |= {"found": "x", "expected": "y", "choice": "COM3"}
+    for entry in (entry for name in catalogue.families() for entry in catalogue.family(name).values()):
+        if entry.operator:
+            text = render(entry.code, values, language, window=True, operator=True).text
+            assert not {"socket", "h5", "{"} & set(re.split(r"\W", text)), entry.code
+    silent = Text.of("imu.holds_new", cause=Text("imu.silent", values))
+    assert render(silent.code, silent.values, language, window=True, operator=True).text.startswith(plain)
+    assert "42099" in render(silent.code, silent.values, language, window=True).text, "an engineer reads the port"
