@@ -15,8 +15,10 @@ from calstation.config import RunRequest, library
 from calstation.connection import TableReset
 from calstation.errors import DeviceFaultError, InputError
 from calstation.gui.operator.live.live_view import Preparation
+from calstation.gui.operator.questions import closing_notice
 from calstation.gui.state import AppContext, RunStrip, TableNotice
 from calstation.gui.state.engine_link import EngineLink
+from calstation.gui.text import rendered
 from calstation.gui.widgets import theme
 from calstation.jobs import JobQueue
 from calstation.messages import Text
@@ -1104,6 +1106,30 @@ def test_fault_says_that_the_table_has_stopped_if_this_is_known(
     simulated_run.until(lambda: simulated_run.verdict == "FAULT")
     reason = simulated_run.window.operator_page._verdict.reason_label.text()
     assert (AT_REST in reason, AT_REST in simulated_run.message) == (stopped, stopped)
+
+
+@pytest.mark.parametrize(
+    ("language", "where", "note"), [("en", "Where:", "Values after"), ("zh_CN", "故障部位：", "数值取自")]
+)
+def test_fault_without_figures_has_no_note_on_them(
+    simulated_run: Operator, language: str, where: str, note: str
+) -> None:
+    simulated_run.window.app.set_language(language)
+    simulated_run.window.app.engine_link.event.emit(Fault.of(DeviceFaultError("table.latched_drive", fault="drive")))
+    end_run(simulated_run, "fault", stages=["rate"])
+    assert where in simulated_run.says()
+    assert note not in simulated_run.says()
+
+
+def test_notice_while_the_window_closes_agrees_with_a_table_at_rest(simulated_run: Operator) -> None:
+    link, run = simulated_run.window.app.engine_link, simulated_run.run
+    for event in (StateChanged("preparing", "idle"), StateChanged("stopping", "preparing")):
+        link.event.emit(event)
+    assert closing_notice(run).code == "question.closing"
+    link.event.emit(TableMoved(0.0, 0.0, 0.0, 0.0, moving=False))
+    assert closing_notice(run).code == "question.closing_stopped"
+    simulated_run.window.app.set_language("zh_CN")
+    assert rendered(closing_notice(run)).remedy == "转台已静止，正在保存数据。"
 
 
 def test_pause_button_offers_to_resume_only_while_paused(simulated_run: Operator) -> None:

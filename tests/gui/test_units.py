@@ -463,7 +463,12 @@ def test_all_verdicts_are_shown_and_a_click_opens_its_result(operator: Operator)
     assert not operator.widget("stage_list").isVisible()
     words = {slot: operator.widget(f"unit_{slot}_verdict_label", QLabel).text() for slot in ("1", "2", "3")}
     assert words == {"1": "PASS", "2": "FAIL", "3": "FAULT"}
-    for sentence in ("Accel scale factor y is 5000 ppm", "Reseat the unit", "The unit does not respond", "ask an engineer"):
+    for sentence in (
+        "Accel scale factor y is 5000 ppm",
+        "Reseat the unit",
+        "The unit does not respond",
+        "ask an engineer",
+    ):
         assert sentence in says
     assert operator.verdict == ""
     click(operator, "unit_2_verdict")
@@ -677,10 +682,10 @@ def test_interrupted_batch_is_resumed_together_from_its_page(operator: Operator,
         assert start.toolTip().startswith(why)
         assert operator.message == why
         assert "1: SN-000001" in operator.says()
-    assert "1: SN-000001, 3: SN-000003. Not resumed: SN-000002 (no stage or temperature completed)." in operator.says()
+    assert "1: SN-000001, 3: SN-000003. Not resumed: SN-000002 (nothing completed)." in operator.says()
     assert operator.window.focusWidget() is operator.widget("later_choice")  # not what nobody has confirmed
     app.set_language("zh_CN")
-    assert "不继续：SN-000002（没有完成任何阶段或温度点）" in operator.says()
+    assert "不继续：SN-000002（没有已完成的部分）" in operator.says()
     app.set_language("en")
     operator.press("resume_choice")
     (request,) = started

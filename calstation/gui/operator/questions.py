@@ -85,7 +85,9 @@ def close_question(run: RunStatus) -> Text:
 def closing_notice(run: RunStatus) -> Text:
     """Return what is awaited before the window closes: a term of the family ``question``."""
     returns = run.chamber.latest is not None and run.chamber.access != "open"
-    return Text("question.closing_chamber" if returns else "question.closing")
+    if returns:
+        return Text("question.closing_chamber")
+    return Text("question.closing_stopped" if run.table_stopped else "question.closing")
 
 
 def progress_message(run: RunStatus) -> str:

@@ -281,7 +281,9 @@ class VerdictPanel(QFrame):
             reason = joined(reason, say("operator.message_table_stopped"), language.current())
         self.reason_label.setText(reason)
         remarks = dict.fromkeys(say(event_text(*remark)) for remark in unit.remarks)
-        notes = filter(None, (advice.figures_note(result), *advice.result_notes(result), *remarks))
+        shown = result if text is None else None
+        figures = [] if shown is None else advice.figures(shown)
+        notes = filter(None, (advice.figures_note(result) if figures else "", *advice.result_notes(result), *remarks))
         for widget, content in (
             (self._source, say("operator.where", source=text.source) if text and text.source else ""),
             (self.action_label, self.next_action()),
@@ -289,8 +291,6 @@ class VerdictPanel(QFrame):
             (self._facts, "  ·  ".join(self._fact_texts())),
         ):
             show_text(widget, content)
-        shown = result if text is None else None
-        figures = [] if shown is None else advice.figures(shown)
         self._figure_count = len(figures) + any(figure.guarded for figure in figures)  # with the note on the guard band
         self._fit_texts()
         self._figures.show_result(shown)
