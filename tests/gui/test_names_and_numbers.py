@@ -136,12 +136,13 @@ def test_names_have_the_background_of_their_rows(qtbot: QtBot, name: str) -> Non
     theme.apply(before)
 
 
-def test_samples_are_the_unit_of_clipping(qapp: QApplication) -> None:
+def test_estimated_samples_are_the_unit_of_clipping(qapp: QApplication) -> None:
     check = Check("clipping", "azimuth_flip", 0.63, 30.0, "1", passed=True)
-    assert [check_text(check).value, check_text(check).limit, check_text(check).unit] == ["0.63", "≤ 30", "samples"]
+    text = check_text(check)
+    assert [text.value, text.limit, text.unit] == ["0.63", "≤ 30", "samples (estimate)"]
     language.use("zh_CN")
     try:
-        assert check_text(check).unit == "个采样点"
+        assert check_text(check).unit == "个采样点（估计）"
     finally:
         language.use("en")
 
