@@ -6,6 +6,7 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -14,7 +15,7 @@ from calstation.errors import InputError
 from calstation.messages import Text
 from calstation.physics import AXES, CHANNELS, STANDARD_GRAVITY, FloatArray
 from calstation.records.meta import FURTHER_IMUS, ImuSection, LogMeta
-from calstation.schema import EntryError, StrictModel, near_miss
+from calstation.schema import EntryError, StrictModel, near_miss, read_toml
 
 ANGLES = ("outer_deg", "inner_deg")
 #: Columns that every CSV must have, except those in `_OPTIONAL`.
@@ -122,6 +123,13 @@ class RecordingMeta(LogMeta):
     def log_meta(self) -> LogMeta:
         """The configuration of the log, without the columns of the file."""
         return LogMeta.model_validate({name: getattr(self, name) for name in LogMeta.model_fields})
+
+
+def read_configuration(file: Path) -> dict[str, Any]:
+    """Read the TOML of a recording. Raises InputError, which names an example if there is no such file."""
+    if not file.exists():
+        raise InputError("log.no_configuration", file=file)
+    return read_toml(file, InputError)
 
 
 def unit_of(name: str, unit: str) -> str | None:

@@ -17,6 +17,7 @@ from calstation.records.columns import (
     RecordingMeta,
     is_increment,
     min_step,
+    read_configuration,
     read_layout,
     unit_factor,
     unit_factors,
@@ -27,7 +28,7 @@ from calstation.records.log import Log
 from calstation.records.meta import FURTHER_IMUS, LogMeta
 from calstation.records.recording import Recording
 from calstation.records.samples import SampleTable
-from calstation.schema import read_toml, validate
+from calstation.schema import validate
 
 #: Suffixes of text recordings; .gz may follow.
 _TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
@@ -102,7 +103,7 @@ def _first_rows(tables: Callable[[], Iterator[SampleTable]]) -> list[SampleTable
 
 def load_recording(paths: Sequence[Path], meta_file: Path) -> tuple[LogMeta, list[Layout]]:
     """Read the TOML of CSV files and find the layout of each. Raises InputError with file, field and remedy."""
-    data = read_toml(meta_file, InputError)
+    data = read_configuration(meta_file)
     columns = validate(ColumnMap, {"columns": data.get("columns", {})}, meta_file, InputError).columns
     secondaries = list(itertools.takewhile(lambda n: f"imu{n}" in data, FURTHER_IMUS))
     layouts = [read_layout(path, _head(path), columns, secondaries) for path in paths]

@@ -9,6 +9,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication, QComboBox, QFileDialog, QLineEdit, QPushButton
 from pytestqt.qtbot import QtBot
 
+from calstation.gui.help.manual import anchor, sections
 from calstation.gui.logs import OfflinePage
 from calstation.gui.state import AppContext
 from calstation.gui.text import language
@@ -145,6 +146,22 @@ def test_missing_configuration_is_corrected_in_place(page: OfflinePage, qtbot: Q
     qtbot.mouseClick(page.findChild(QPushButton, "import_close_button"), Qt.MouseButton.LeftButton)
     assert not page.importer.isVisible()
     assert page.findChild(QLineEdit, "log_edit").text() == ""
+
+
+@pytest.mark.parametrize(("code", "said"), [("en", "as in the manual under"), ("zh_CN", "示例见手册")])
+def test_missing_configuration_refers_to_an_example_in_the_manual(
+    page: OfflinePage, qtbot: QtBot, tmp_path: Path, code: str, said: str
+) -> None:
+    language.use(code)
+    path = write_recording(tmp_path)
+    path.with_suffix(".toml").unlink()
+    page.look_at(path)
+    qtbot.waitUntil(page.importer.notice.isVisible, timeout=WAIT)
+    assert said in page.importer.notice.text_label.text()
+    chapter, _, name = page.manual.partition("#")
+    (section,) = [each for each in sections(chapter) if anchor(each.heading) == name]
+    assert section.heading in page.importer.notice.text_label.text()
+    assert "[columns]" in section.text
 
 
 def test_topic_is_chosen_among_several(page: OfflinePage, qtbot: QtBot, tmp_path: Path) -> None:

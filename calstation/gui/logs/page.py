@@ -73,7 +73,9 @@ class OfflinePage(Page):
 
     @property
     def manual(self) -> str:
-        """The section of the manual about the selected method or the solution of a log."""
+        """The section of the manual about an import, the selected method or the solution of a log."""
+        if self._stack.currentWidget() is self.importer:
+            return "how-to/resolve-a-log.md#from-another-program"
         method = self.methods.method
         return f"explanation/methods.md#{method}" if method else "how-to/resolve-a-log.md"
 

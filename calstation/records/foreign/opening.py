@@ -12,13 +12,21 @@ import numpy as np
 from calstation.errors import CalstationError, InputError
 from calstation.messages import Text, os_reason
 from calstation.physics import CHANNELS, FloatArray
-from calstation.records.columns import COUNTS, ColumnMap, ColumnSection, Layout, RecordingMeta, unit_factors
+from calstation.records.columns import (
+    COUNTS,
+    ColumnMap,
+    ColumnSection,
+    Layout,
+    RecordingMeta,
+    read_configuration,
+    unit_factors,
+)
 from calstation.records.csv_log import complete_counts, recorded_log
 from calstation.records.foreign import dataflash, mat, mcap, novatel, rosbag, tdms, ulog
 from calstation.records.foreign.topics import Columns, ForeignFormat, Topic
 from calstation.records.log import Log
 from calstation.records.samples import SampleTable, damages, is_excessive
-from calstation.schema import near_miss, read_toml, validate
+from calstation.schema import near_miss, validate
 
 _Part = TypeVar("_Part", list[Topic], Columns)
 
@@ -57,7 +65,7 @@ def open_foreign(path: Path, meta_file: Path | None = None, topic: str | None = 
     if kind is None or not path.exists():
         raise InputError("log.not_found" if kind else "log.not_a_log", file=path)
     meta_file = meta_file or path.with_suffix(".toml")
-    data = read_toml(meta_file, InputError)
+    data = read_configuration(meta_file)
     mapped = validate(ColumnMap, {"columns": data.get("columns", {})}, meta_file, InputError).columns
     topics = next(_guarded(path, kind, lambda: iter([kind.topics(path)])))
     chosen = _choose(path, topics, topic, mapped)
