@@ -14,6 +14,7 @@ from sqlalchemy.exc import DataError
 from sqlalchemy.pool import NullPool
 
 from calstation.cli.app import run_app
+from calstation.config import site_folder
 from calstation.database import (
     ArchivedLog,
     Exchange,
@@ -31,9 +32,9 @@ from calstation.database.exchange import _store
 from calstation.database.outbox import COPIES_FILE, OutboxMessage
 from calstation.database.tables import outboxes, trail_heads
 from calstation.errors import ConfigurationError, InputError
-from calstation.records import RunFilter, RunIndex
+from calstation.records import RunFilter, RunIndex, append_audit
 from calstation.records.run_index import FILE
-from calstation.results import History, load_results
+from calstation.results import History, load_result, load_results, override_of
 from tests.database.result_files import in_database, in_index, write_result
 from tests.database.test_claims import station_file
 from tests.helpers import ignore_progress, raises_code, write_log_of
@@ -119,14 +120,17 @@ def test_run_whose_files_are_removed_during_an_exchange_is_sent_when_they_are_re
     engine.dispose()
 
 
-def test_a_changed_result_replaces_the_run(url: str, stations: tuple[Path, Path]) -> None:
+def test_a_changed_result_replaces_the_run(
+    url: str, stations: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
     one, two = stations
-    write_result(one, "a", 1, outcome="failed")
+    monkeypatch.setenv("CALSTATION_HOME", str(one.parent / "home"))
+    failed = load_result(write_result(one, "a", 1, outcome="failed"))
     write_result(one, "b", 2)
     exchange(one, url)
     exchange(two, url)
-    released = {"by": "wang", "confirmed_by": None, "why": "known", "utc": "2026-11-02T00:00:00+00:00"}
-    write_result(one, "a", 1, outcome="failed", override=released)
+    event = append_audit(site_folder(), "override", "wang", "known", log_sha256=failed.log.sha256)
+    write_result(one, "a", 1, outcome="failed", override=override_of(event).model_dump())
     exchange(one, url)
     exchange(two, url)
     assert [row[:3] for row in in_index(two)] == [("a", "one", "released"), ("b", "one", "passed")]
