@@ -167,7 +167,12 @@ def _run(arguments: list[str], debug: bool) -> int:
     for argument in arguments:
         if surrogates(argument):
             raise ConfigurationError("cli.not_utf8", argument=argument)
-    code = app(arguments, prog_name=_NAME, standalone_mode=False, obj=debug)
+    try:
+        code = app(arguments, prog_name=_NAME, standalone_mode=False, obj=debug)
+    except SystemExit as exit_:  # Typer exits with 1, the code of a unit outside its limits, if the output was closed
+        if isinstance(exit_.__context__, BrokenPipeError):
+            raise exit_.__context__ from None
+        raise
     if code == _INTERRUPTED:
         raise KeyboardInterrupt
     return code if isinstance(code, int) else 0

@@ -41,6 +41,8 @@ class Interruption:
     def exit(self, code: int) -> NoReturn:
         """End the process with an exit code."""
         self.command_completed(code)
+        with suppress(Exception):  # the failure of the output is known; Python would raise it again at its end
+            sys.stdout.flush()
         sys.exit(code)
 
     def _interrupt(self) -> None:

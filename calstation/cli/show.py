@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NoReturn
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -42,6 +42,10 @@ _TABLE_WIDTH = 200
 class _PlainConsole(Console):
     def render_str(self, text: str, **options: Any) -> RichText:
         return super().render_str(for_terminal(text), **options)
+
+    def on_broken_pipe(self) -> NoReturn:
+        """Raise the BrokenPipeError that is being handled, because the command defines the exit code."""
+        raise
 
 
 def plain_console(*, stderr: bool = False, file: IO[str] | None = None, width: int | None = None) -> Console:

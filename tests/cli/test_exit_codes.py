@@ -18,7 +18,7 @@ import pytest
 
 from calstation.cli import process
 from calstation.cli.run import engine_events
-from calstation.records import open_log
+from calstation.records import append_audit, audit_path, open_log
 from calstation.runs import Engine
 from tests.cli.conftest import six_position_rows, write_log
 from tests.helpers import sampled
@@ -150,6 +150,13 @@ def test_output_that_cannot_be_written_is_an_error(tmp_path: Path, redirection: 
     assert "Standard output" in done.stderr
     assert reason in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_output_that_its_reader_closed_is_no_error_of_python(tmp_path: Path) -> None:
+    append_audit(tmp_path, "pin_set", "")
+    for arguments in (["audit", "--file", audit_path(tmp_path)], ["--help"]):
+        done = ended(tmp_path, "| true; exit ${PIPESTATUS[0]}", *arguments)
+        assert (done.returncode, done.stderr) == (2, "")
 
 
 @pytest.mark.long

@@ -659,6 +659,9 @@ def test_errors_detectable_by_a_check_standard_are_shown_with_the_limits(operato
     operator.window.app.set_product(own)
     until_read(operator, page)
     click_tab(operator, "Check standards")
+    assert cells(operator, "standards_table")[0][0] == "disagrees"
+    state = operator.widget("standards_table", QTableView).model().index(0, 0)
+    assert "disagreed with its reference" in state.data(Qt.ItemDataRole.ToolTipRole)
     click_row(operator, "standard_runs_table", 0)
     found = page.standards._standard
     assert found is not None
