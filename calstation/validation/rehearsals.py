@@ -170,7 +170,8 @@ def ending_lines(ending: Ending) -> Generator[Line]:
     expected = Text.of("validation.ends", outcome=case.outcome, error=case.code or "–")
     found = Text.of("validation.ends", outcome=run.outcome, error=code or "–")
     good = (run.outcome, code) == (case.outcome, case.code)
-    yield Line.compared("faults", "ending", case.kind, expected, found, good)
+    ended = Line.compared("faults", "ending", case.kind, expected, found, good)
+    yield _with_load(ended) if case.real_time else ended
     state = Text("validation.unsafe" if run.unsafe else "validation.safe")
     yield Line.compared("faults", "table", case.kind, Text("validation.safe"), state, not run.unsafe)
     records = ", ".join(run.record_defects) or Text("validation.complete")
@@ -178,9 +179,14 @@ def ending_lines(ending: Ending) -> Generator[Line]:
     if case.real_time:
         line = Line.timed("time", "stop", "", ending.stop_s or 0.0, STOP_LIMIT)
         missing = replace(line, found=Text("validation.missing"), state="failed")
-        yield line if ending.stop_s is not None else missing
+        yield _with_load(line if ending.stop_s is not None else missing)
     if case.kind == NO_FAULT and ending.result is not None and ending.log is not None:
         yield from _nominal_lines(ending.result, ending.log)
+
+
+def _with_load(line: Line) -> Line:
+    """Return a line of the rehearsal in real time, which fails also if other programs load the computer."""
+    return replace(line, reason=Text("validation.loaded")) if line.state == "failed" else line
 
 
 def _nominal_lines(result: Result, path: Path) -> Generator[Line]:

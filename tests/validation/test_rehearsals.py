@@ -7,9 +7,11 @@ from pathlib import Path
 import pytest
 
 from calstation.errors import StoppedError
+from calstation.messages import Language
 from calstation.records import KEY_VARIABLE, audit_path
 from calstation.simulation import PlannedRun, RunEvaluation
 from calstation.validation import rehearsals
+from calstation.validation.document import line_texts
 from calstation.validation.rehearsals import CASES, NO_FAULT, Case, Ending, ending_lines, rehearsal_lines
 
 STOP = next(case for case in CASES if case.kind == "operator_stop")
@@ -30,6 +32,19 @@ def test_every_wrong_ending_is_found() -> None:
     assert failed(replace(STOPPED, stop_s=3.0)) == {"stop"}
     assert failed(replace(STOPPED, stop_s=None)) == {"stop"}
     assert failed(replace(STOPPED, case=Case("interlock", "fault", "table.latched_interlock"))) == {"ending"}
+
+
+def test_failure_in_real_time_names_the_load_of_the_computer() -> None:
+    late = replace(STOPPED, evaluation=replace(RUN, outcome="fault", unsafe=True), stop_s=None)
+    lines = {line.check: line for line in ending_lines(late)}
+    assert {check for check, line in lines.items() if line.reason is not None} == {"ending", "stop"}
+    assert lines["stop"].reason is not None
+    texts: tuple[tuple[Language, str], ...] = (("en", "close other programs"), ("zh_CN", "请关闭其他程序"))
+    for code, words in texts:
+        assert words in line_texts(lines["stop"].to_json(), code)["found"]
+    assert not [line for line in ending_lines(STOPPED) if line.reason is not None]
+    interlock = replace(STOPPED, case=Case("interlock", "fault", "table.latched_interlock"))
+    assert not [line for line in ending_lines(interlock) if line.reason is not None]
 
 
 def test_only_the_run_without_a_fault_may_pass() -> None:
