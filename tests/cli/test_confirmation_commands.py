@@ -30,7 +30,7 @@ def test_unit_is_released_by_two_engineers(calstation, answers: dict[str, str], 
     alone = calstation("override", failed, "--reason", "scratch", "--by", "B0001")
     assert (alone.code, "a second engineer confirms this" in alone.err) == (2, True)
     done = calstation("override", failed, "--reason", "scratch", "--by", "B0001", "--confirmed-by", "B0002")
-    assert (done.code, done.out.strip()) == (0, f"{failed}: FAIL, released by B0001, B0002.")
+    assert (done.code, done.out.strip()) == (0, f"{failed}: FAIL, released by Li Na (B0001), B0002.")
     assert "scratch" in calstation("audit", "--event", "override").out
     assert calstation("override", failed, "--reason", "again", "--by", "B0001").code == 2
 

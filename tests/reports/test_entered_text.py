@@ -26,7 +26,7 @@ def test_control_characters_are_removed_from_operator_and_reason() -> None:
 def test_control_characters_are_removed_from_badges_and_release_reasons(failed: Path) -> None:
     people = Person(ENTERED, "111111"), Person("B0002\x03", "222222")
     made = override_result(ignore_progress, failed, "scratch\x0bonly", *people)
-    assert (made.by, made.confirmed_by, made.why) == ("B0001", "B0002", "scratch only")
+    assert (made.by, made.confirmed_by, made.why) == ("Li Na (B0001)", "B0002", "scratch only")
     assert load_result(failed).override == made
     assert ReportRequest(failed, failed, revise="spelling\x07").revise == "spelling"
 
