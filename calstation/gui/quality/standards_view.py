@@ -64,9 +64,9 @@ _TABLES = (
             Cell("quality.state", "state", number=False, state="kind"),
             Cell("quality.name", "name", number=False),
             Cell("quality.kind", "kind_name", number=False),
-            Cell("quality.certificate", "certificate", number=False),
-            Cell("quality.calibrated", "calibrated", number=False),
             Cell("quality.due", "due", number=False),
+            Cell("quality.calibrated", "calibrated", number=False),
+            Cell("quality.certificate", "certificate", number=False),
         ),
     ),
     (
