@@ -397,18 +397,12 @@ class OperatorPage(Page):
         self._show_readiness()
 
     def _show_readiness(self) -> None:
-        """Show the message and the state of the run, and why it cannot start.
-
-        The page is not ready while a badge, a valid scan or an answer is missing, or a calibration is overdue.
-        """
+        """Show the message and the state of the run, and why it cannot start."""
         run = self.app.run
         self.header.set_start(self._why_not_start())
         self._verdicts.refuse_again(say("operator.answer_first") if self._starting.asking_about_units else "")
-        starting = self._starting
-        missing = self.header.badge_field.required or starting.refused is not None or bool(self._overdue())
-        waiting = run.why_not_start == "operator.reading_runs" or run.unreset is not None
-        missing = missing or starting.asking or waiting
-        waits = run.display_state == "idle" and run.elsewhere is None and missing and not run.stop_incomplete
+        waits = run.display_state == "idle" and run.elsewhere is None and not run.stop_incomplete
+        waits = waits and self._starting.incomplete
         self._badge.show_state(*(("none", term("badge", "not_ready")) if waits else run_badge(run)))
         self._message.setText(self._message_text())
 
@@ -428,12 +422,6 @@ class OperatorPage(Page):
         if not (starting.slots or header.serial):
             return say("operator.no_serial")
         return "" if starting.refused is None else say(starting.refused)
-
-    def _overdue(self) -> tuple[Text, ...]:
-        """Return the overdue calibrations for which START asks an engineer, none for a check standard."""
-        summary = self._starting.run_summary
-        is_standard = summary is not None and self.header.serial in summary.check_standards
-        return () if summary is None or is_standard else summary.overdue
 
     def _choose_view(self) -> None:
         """Show the view for the state of the run, and hide the list of stages next to the verdicts on several units."""
@@ -491,7 +479,7 @@ class OperatorPage(Page):
             return say("operator.answer_first")
         if run.display_state == "idle" and self._starting.refused is not None:
             return rendered(self._starting.refused).text
-        if run.display_state == "idle" and (causes := self._overdue()):
+        if run.display_state == "idle" and (causes := self._starting.overdue):
             return say("operator.message_overdue", causes=causes)
         summary = self._starting.run_summary
         if run.display_state == "idle" and summary is not None and summary.unjudged and not summary.omitted:

@@ -201,6 +201,20 @@ class RunStarter(QObject):
         return False
 
     @property
+    def overdue(self) -> tuple[Text, ...]:
+        """The overdue calibrations for which START asks an engineer, none for a check standard."""
+        summary = self.run_summary
+        is_standard = summary is not None and self._header.serial in summary.check_standards
+        return () if summary is None or is_standard else summary.overdue
+
+    @property
+    def incomplete(self) -> bool:
+        """Whether a badge, a valid scan, an answer, a reset or a calibration that is not overdue is missing."""
+        run = self._app.run
+        missing = self._header.badge_field.required or self.refused is not None or bool(self.overdue) or self.asking
+        return missing or run.unreset is not None or run.why_not_start == "operator.reading_runs"
+
+    @property
     def asking(self) -> bool:
         """Whether a question about an interrupted run or transfer is open, which must be answered before START."""
         return any(self._notice.offers(f"{answer}_choice") for answer in ("later", "restore", "anew"))
