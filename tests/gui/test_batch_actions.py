@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from PySide6.QtCore import QPoint
 from PySide6.QtGui import QDesktopServices
-from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QPushButton, QWidget
+from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QPushButton, QScrollBar, QWidget
 
 from calstation.config import ConfirmationRequired, RunRequest, computer_user
 from calstation.gui.operator.production import document_buttons
@@ -512,6 +512,24 @@ def test_stopped_batch_with_one_unit_to_resume_names_it(operator: Operator, lang
     operator.window.app.engine_link._end()
     operator.until(lambda: operator.run.ended)
     assert operator.message.startswith(advice)
+
+
+def test_small_screen_with_a_question_about_a_batch_does_not_scroll(operator: Operator) -> None:
+    """The verdict on one unit, which may have many notes, is hidden then."""
+    operator.window.resize(1280, 690)  # 1920x1080 at 150 % without the task bar
+    operator.window.app.set_language("zh_CN")
+    use_slots(operator, 4)
+    begin(operator)
+    for number in range(1, 9):
+        again = {"reason": "no_data", "attempt": number}
+        operator.window.app.engine_link.event.emit(Message("step_repeated", again, slot="1"))
+    end_with_fault(operator, slot="2")
+    page = operator.window.operator_page
+    operator.until(lambda: page.notice.offers("same_units_choice"))
+    click(operator, "unit_1_verdict")
+    operator.press("all_units_button")
+    operator.qtbot.wait(100)
+    assert not any(bar.isVisible() for bar in page.findChildren(QScrollBar))
 
 
 @pytest.mark.parametrize("count", [4, 8])

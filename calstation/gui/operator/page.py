@@ -443,8 +443,9 @@ class OperatorPage(Page):
             self._views.setCurrentWidget(self._verdict)
         view, size = self._views.currentWidget(), QSizePolicy.Policy
         self._stages.setVisible(view is not self._verdicts)
-        # a notice needs space above the other views, which need less height than the live view
-        self._live.setSizePolicy(size.Preferred, size.Preferred if view is self._live else size.Ignored)
+        # a notice needs space above a view, which must not have the height that hidden ones need
+        for each in (self._slots, self._live, self._verdicts, self._verdict):
+            each.setSizePolicy(size.Preferred, size.Preferred if view is each else size.Ignored)
 
     def _open_unit(self, *, opened: bool) -> None:
         """Show the verdict on the selected unit, or the verdicts on all units."""
