@@ -532,3 +532,22 @@ def test_list_and_details_say_that_a_run_was_simulated(
     assert listed_runs(page, qtbot) == [("SN-000001", simulated), ("SN-000002", measured)]
     assert page.details.badge.text().startswith(simulated)
     language.use("en")
+
+
+@pytest.mark.parametrize(
+    ("code", "text"),
+    [("en", "The interlock was opened (fault 'interlock' is latched)."), ("zh_CN", "安全联锁被断开。")],
+)
+def test_reason_of_a_latched_fault_names_no_button_that_the_page_lacks(
+    page: HistoryPage, folder: Path, qtbot: QtBot, code: str, text: str
+) -> None:
+    fault = DeviceFaultError("table.latched_interlock", fault="interlock")
+    texts = {"error": str(fault), "error_code": fault.code, "error_values": fault.values}
+    write_run(folder, "SN-000003", "fault", timedelta(days=1), **texts)
+    language.use(code)
+    listed_runs(page, qtbot)
+    select_row(page, 0, qtbot)
+    qtbot.waitUntil(lambda: bool(page.details.reason_label.text()), timeout=WAIT)
+    assert page.details.reason_label.text().startswith(f"{text}\n")
+    assert not any(words in page.details.reason_label.text() for words in ("Reset the fault", "复位故障"))
+    language.use("en")

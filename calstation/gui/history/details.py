@@ -51,7 +51,7 @@ from calstation.gui.widgets import (
     state_colour,
     theme,
 )
-from calstation.messages import Text, local_time
+from calstation.messages import Text, entry, known, local_time
 from calstation.physics import display
 from calstation.records import IndexedRun, ResolveRecord, RunRecord, Verdict
 from calstation.results import Result, lacks_log, number_ranges
@@ -341,7 +341,8 @@ class RunDetails(QFrame):
             if fault is None:
                 return run.error
             text = rendered(fault.as_text)
-            return "\n".join(filter(None, (text.text, text.remedy)))
+            reset = known(fault.code) and entry(fault.code).resettable  # of which the page has no button
+            return "\n".join(filter(None, (text.text, "" if reset else text.remedy)))
         if result is not None and result.override is not None:
             return ""  # the note on the override states the reason
         if run.verdict.judged and result is not None:
