@@ -449,7 +449,7 @@ def test_labels_and_certificates_of_all_units_that_passed(operator: Operator) ->
     end(operator, failed=("2",))
     operator.press("labels_button")
     operator.until(lambda: "The labels were saved as PDF files" in operator.says())
-    operator.press("operator_notice_close")
+    operator.press("documents_notice_close")
     operator.press("certificates_button")
     operator.until(lambda: "Certificates issued: 2" in operator.says())
     operator.widget("language_combo", QComboBox).setCurrentIndex(1)

@@ -421,6 +421,26 @@ def test_interrupted_unit_scanned_again_is_resumed_or_restarted(
     assert [request.resume and request.resume.name for request in started[2:]] == [None, log.name]
 
 
+@pytest.mark.parametrize(
+    ("language", "issued"), [("en", "The certificate was issued"), ("zh_CN", "证书已签发")], ids=["en", "zh"]
+)
+def test_finished_certificate_does_not_replace_an_open_question(operator: Operator, language: str, issued: str) -> None:
+    page, runs = operator.window.operator_page, operator.window.app.runs_folder
+    operator.window.app.set_language(language)
+    write_dead_log(runs, station="test bench")
+    finish_incomplete(runs)
+    History(runs).refresh()
+    operator.scan("SN-000003")
+    assert operator.window.focusWidget() is operator.widget("cancel_choice")
+    page._verdict.certificate_button._issued(Path("c.pdf"))
+    assert issued in operator.says()
+    assert operator.window.focusWidget() is operator.widget("cancel_choice")
+    assert not operator.widget("start_button").isEnabled()
+    operator.press("cancel_choice")
+    operator.scan("SN-000004")
+    assert issued not in operator.says()
+
+
 @pytest.mark.parametrize(("language", "question"), [("en", "was interrupted in stage 2"), ("zh_CN", "中断")])
 def test_unit_that_has_left_the_table_is_offered_only_after_its_scan(
     operator: Operator, language: str, question: str

@@ -83,10 +83,12 @@ class OperatorPage(Page):
         self.header: RunHeader = RunHeader(app.run)
         self._stages = StageList(app.run)
         self.closing, self.notice = NoticeBar(), NoticeBar("operator_notice")
+        #: Labels and certificates that were made, which replace no question about a run.
+        self._documents = NoticeBar("documents_notice")
         self._unprinted = UnprintedNotice(app, "unprinted_notice", self.await_scan)
         self._failing = FailingNotice(app.run, self.setFocus)
         self._loading, self._live = Loading(), LiveView(app)
-        documents = self.notice, self._unprinted, self.await_scan
+        documents = self._documents, self._unprinted, self.await_scan
         self._verdict, self._shift = VerdictPanel(app, *documents), ShiftCounter(app)
         self._claimed, self._validation = ClaimNotice(app), ValidationNotice(app)
         self._starting = RunStarter(app, self.header, self.notice)
@@ -99,7 +101,8 @@ class OperatorPage(Page):
         self._message, self._badge = label(name="message_label", wrap=True), StateBadge(theme.SECTION)
         self._message.setFont(theme.font(theme.SECTION))
         right = column(
-            *(self.closing, self._failing, self._claimed, self._validation, self._unprinted, self.notice),
+            *(self.closing, self._failing, self._claimed, self._validation, self._unprinted, self._documents),
+            self.notice,
             *(self._starting.dialog.people, (self._views, 1)),
         )
         counts = row(self._shift, None, ExchangeLabel(app), spacing=3 * theme.GRID)
@@ -160,6 +163,7 @@ class OperatorPage(Page):
         for entered in (header.serial_entered, header.serial_edited, header.start_pressed):
             entered.connect(self._show_readiness)
         header.serial_edit.textChanged.connect(self._show_readiness)
+        header.serial_edited.connect(self._documents.dismiss)
         self.notice.changed.connect(self._show_readiness)
         header.product_combo.opening.connect(self._mark_products)
         header.product_selected.connect(app.set_product)
@@ -328,6 +332,7 @@ class OperatorPage(Page):
             self.notice.dismiss()
             if not run.register_operation:
                 self._starting.slots.forget_unloaded()
+            self._documents.dismiss()
             self._show_serial()
             self._next_awaited = self._unit_opened = self._offer_due = False
             self.setFocus()

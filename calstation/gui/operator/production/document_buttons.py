@@ -318,13 +318,14 @@ class CertificateButton(_IssueButton):
         self.watch.start(replace(state.request, first=first, second=second, revise=revise))
 
     def _issued(self, pdf: Path) -> None:
+        free = self.window().focusWidget() is None  # the operator may have gone on in the meantime
         self._notice.ask(
             "good",
             "operator.certificate_printed" if self._again else "operator.certificate_issued",
             lambda: str(pdf),
             (
                 Choice("certificate_close_button", "common.close", self._then),
-                Choice("certificate_open_button", "common.open", lambda: self.open(pdf), primary=True),
+                Choice("certificate_open_button", "common.open", lambda: self.open(pdf), primary=free),
             ),
         )
 
