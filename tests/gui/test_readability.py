@@ -15,9 +15,9 @@ from calstation.gui.operator import advice
 from calstation.gui.operator.page import OperatorPage
 from calstation.gui.start import growth
 from calstation.gui.state import RunStrip
-from calstation.gui.text import language, product_text, station_text
-from calstation.gui.widgets import PageArea, theme
-from calstation.messages import Text
+from calstation.gui.text import language, product_text, say, station_text
+from calstation.gui.widgets import Choice, PageArea, lay_out, theme
+from calstation.messages import Text, render
 from calstation.physics import DEGREE_PER_HOUR, INDEX, PARAMETERS
 from calstation.records import Verdict
 from calstation.sequencer import Fault, Finalized, StageProgress, StageStarted, StateChanged
@@ -166,6 +166,32 @@ def test_texts_fit_in_the_first_frame_after_stop(simulated_run: Operator, code: 
     panel = page._verdict
     assert all(map(fits, (page._badge._word, panel.reason_label, panel.action_label, panel._facts)))
     assert panel._facts.mapTo(panel, QPoint(0, 0)).x() == panel.reason_label.mapTo(panel, QPoint(0, 0)).x()
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_question_above_a_verdict_on_a_small_screen_covers_no_text(simulated_run: Operator, code: str) -> None:
+    window = simulated_run.window
+    window.app.set_language(code)
+    window.resize(1280, 720)
+    names = list(INDEX)[:12:3]
+    rows = {name: {"value": 1.2e-5, "sigma": 1e-8, "unit": "1", "stage": "rate"} for name in names}
+    checks = [check_row("within", name, 1.2e-5, [-1.4e-5, 1.4e-5], passed=True) for name in rows]
+    written = {"written": dict.fromkeys(names, 1.2e-5), "verified": False}
+    end_run(simulated_run, "stopped", parameters=rows, checks=checks, passed=None, registers=written)
+    page = window.findChild(OperatorPage)
+    message = render("question.transfer_interrupted", {"serial": "SN-000042"}, language.current())
+    names = "Old registers, then calibrate", "New registers, then calibrate", "Cancel"
+    answers = [Choice(name, lambda name=name: name, lambda: None) for name in names]
+    page.notice.ask("caution", lambda: message.text, lambda: message.remedy, answers)
+    simulated_run.qtbot.wait(100)
+    panel = page._verdict
+    for text, lines in ((panel.reason_label, 1), (panel.action_label, 2), (panel._notes, 4)):
+        text.setText("\n".join([say("advice.decide_registers")[:20]] * lines))
+        text.show()
+    lay_out(panel._values, panel)
+    assert panel._banner.geometry().bottom() < panel.reason_label.geometry().top()
+    labels = panel.reason_label, panel.action_label, panel._facts, panel._notes
+    assert [text.text() for text in labels if not fits(text)] == []
 
 
 def test_shipped_names_of_products_and_stations_are_translated(operator: Operator) -> None:

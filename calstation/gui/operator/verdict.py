@@ -39,8 +39,10 @@ from calstation.sequencer import Fault, Finalized
 #: Share of the panel's height for the texts below the banner, distance of lines as a multiple of the text size, number
 #: of lines besides the figures, width of the figures in text sizes, and maximum size, px.
 _TEXT_SHARE, _LINE, _OTHER_LINES, _CHARACTERS, _MAX_TEXT = 0.6, 1.35, 2.75, 31, theme.VERDICT
-#: Minimum height of the banner, margins and distances above and below the texts, and of the texts' columns, px.
+#: Height that growing texts leave to the banner, margins and distances above and below them, and of columns, px.
 _BANNER, _DISTANCES, _BETWEEN = 17 * theme.GRID, 8 * theme.GRID, 7 * theme.GRID
+#: Minimum height of the banner, which gives way to the texts below a question on a small screen, px.
+_MIN_BANNER = 9 * theme.GRID
 
 
 class FiguresTable(QWidget):
@@ -143,7 +145,7 @@ class VerdictPanel(QFrame):
         self._fault: Fault | None = None
         #: Number of figures, and size of the texts, px.
         self._figure_count = self._shown_size = 0
-        self._banner, self._figures = Banner("verdict", _BANNER), FiguresTable(theme.SECTION)
+        self._banner, self._figures = Banner("verdict", _MIN_BANNER), FiguresTable(theme.SECTION)
         self._source, self._facts = label(kind="muted", wrap=True), label(kind="muted", wrap=True)
         self.reason_label, self.action_label, self._notes = label(wrap=True), label(wrap=True), label(wrap=True)
         self.reset = ResetBar(app, self._table_request, "verdict_reset_button")
