@@ -190,8 +190,7 @@ class Result(ResultSection):
     schema_name: Literal["calstation.result/1"] = Field(alias="schema")
     unit: Unit
     stages: list[str]  #: Solved stages.
-    #: Whether the run, or the solution of its log, omitted stages of the product.
-    partial: bool = False
+    partial: bool = False  #: Whether the run, or the solution of its log, omitted stages of the product.
     simulated: bool = False  #: Whether the virtual bench generated the samples; see also `was_simulated`.
     passed: bool | None = None  #: None if there are no limits, or data and model were not tested.
     #: Whether data and model were tested; False if a log was solved again for its parameters only, without a verdict.

@@ -14,10 +14,11 @@ from calstation.database import export_shared_runs, fetch_log, fetch_result, loa
 from calstation.errors import CalstationError, InputError
 from calstation.gui.history.audit_view import AuditView
 from calstation.gui.history.comparison import MAX_COMPARED, RunComparison
-from calstation.gui.history.details import MAX_TREND, Actions, RunDetails
+from calstation.gui.history.details import Actions, RunDetails
 from calstation.gui.history.filters import Filters
 from calstation.gui.history.record_view import RecordView
 from calstation.gui.history.run_table import RunTable
+from calstation.gui.history.trend import MAX_TREND
 from calstation.gui.history.versions_view import VersionsView
 from calstation.gui.operator import CertificateButton, LabelButton, UnprintedNotice
 from calstation.gui.state import AppContext, FileExport, Page, ReleaseBar

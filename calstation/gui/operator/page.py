@@ -83,8 +83,7 @@ class OperatorPage(Page):
         self.header: RunHeader = RunHeader(app.run)
         self._stages = StageList(app.run)
         self.closing, self.notice = NoticeBar(), NoticeBar("operator_notice")
-        #: Labels and certificates that were made, which replace no question about a run.
-        self._documents = NoticeBar("documents_notice")
+        self._documents = NoticeBar("documents_notice")  #: It replaces no question about a run.
         self._unprinted = UnprintedNotice(app, "unprinted_notice", self.await_scan)
         self._failing = FailingNotice(app.run, self.setFocus)
         self._loading, self._live = Loading(), LiveView(app)
@@ -100,11 +99,8 @@ class OperatorPage(Page):
         self._progress = progress_bar(theme.GRID, "run_progress")
         self._message, self._badge = label(name="message_label", wrap=True), StateBadge(theme.SECTION)
         self._message.setFont(theme.font(theme.SECTION))
-        right = column(
-            *(self.closing, self._failing, self._claimed, self._validation, self._unprinted, self._documents),
-            self.notice,
-            *(self._starting.dialog.people, (self._views, 1)),
-        )
+        notices = self.closing, self._failing, self._claimed, self._validation, self._unprinted, self._documents
+        right = column(*notices, self.notice, self._starting.dialog.people, (self._views, 1))
         counts = row(self._shift, None, ExchangeLabel(app), spacing=3 * theme.GRID)
         self._events = EventLog("events_table")
         self._events.follow(app.engine_link)
@@ -117,8 +113,8 @@ class OperatorPage(Page):
         watch, tip = "logs.watch_live", "operator.show_watch_tip"
         self._watch = button("show_watch_button", watch, lambda: app.watch_requested.emit(), tip=tip)
         self._watch.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        state = column(self._message, counts, spacing=0)
-        foot = panel(row((state, 1), self._watch, events, self._badge, spacing=2 * theme.GRID))
+        state = column(self._message, counts, spacing=0), 1
+        foot = panel(row(state, self._watch, events, self._badge, spacing=2 * theme.GRID))
         page_margins = (2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID)
         content = QWidget()
         row(self._stages, (right, 1), on=content)

@@ -5,18 +5,16 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QTimer, Signal
 
-from calstation.config import RunRequest
 from calstation.errors import CalstationError
 from calstation.gui.state.chamber_status import ChamberStatus
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.state.table_status import TableStatus
-from calstation.gui.state.unit_status import TRANSFER, StageState, UnitStatus, completed_stages, stage_rows
+from calstation.gui.state.unit_status import StageState, UnitStatus, units_of
 from calstation.gui.text import rendered, say
 from calstation.messages import Text
 from calstation.records import Verdict
 from calstation.runs import RunSummary, resumable_after, run_summary
 from calstation.sequencer import (
-    DURATION,
     ChamberChanged,
     Command,
     Event,
@@ -412,31 +410,13 @@ class RunStatus(QObject):
                 self.run_summary = run_summary(request)
             except CalstationError:  # the engine reports the same error as a fault
                 self.run_summary = None
-            self.units = self._units_of(request)
+            self.units = units_of(request, self.run_summary, register_operation=self.register_operation)
             self.select_unit(self.units[0])
         else:
             self.chamber.end()
         if not running and self.in_progress:
             self.state = "idle" if self.register_operation else "incomplete"
         self.changed.emit()
-
-    def _units_of(self, request: RunRequest) -> tuple[UnitStatus, ...]:
-        """Return the units of a request; a register operation has no stages."""
-        summary = self.run_summary
-        if summary is None:
-            return (UnitStatus(request.serial),)
-        slots = zip(summary.slots, request.serials, strict=False) if request.serials else (("", request.serial),)
-        occupied = [(serial, slot) for slot, serial in slots if serial]
-        own = summary.slot_products
-        units = tuple(UnitStatus(serial, slot, own.get(slot, ""), stage_rows(summary)) for serial, slot in occupied)
-        if self.register_operation:
-            for unit in units:
-                unit.stages = [StageState(TRANSFER, DURATION) for row in unit.stages if row.name == TRANSFER]
-        elif request.resume is not None:
-            completed = completed_stages(request, units)
-            for row in (row for unit in units for row in unit.stages if row.name in completed):
-                row.solve("good")
-        return units
 
     def _handle_event(self, event: Event) -> None:
         if self.fault is not None and self.fault.code == _SILENT and not isinstance(event, Fault):

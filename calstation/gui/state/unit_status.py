@@ -264,3 +264,21 @@ def completed_stages(request: RunRequest, units: Sequence[UnitStatus]) -> tuple[
     logs = {log.name for log in (*request.resumes, request.resume) if log is not None}
     records = [record for unit in units for record in history.of(unit.serial) if record.log.name in logs]
     return min((record.stages for record in records), key=len, default=())
+
+
+def units_of(request: RunRequest, summary: RunSummary | None, *, register_operation: bool) -> tuple[UnitStatus, ...]:
+    """Return the units of a request; a register operation has no stages."""
+    if summary is None:
+        return (UnitStatus(request.serial),)
+    slots = zip(summary.slots, request.serials, strict=False) if request.serials else (("", request.serial),)
+    occupied = [(serial, slot) for slot, serial in slots if serial]
+    own = summary.slot_products
+    units = tuple(UnitStatus(serial, slot, own.get(slot, ""), stage_rows(summary)) for serial, slot in occupied)
+    if register_operation:
+        for unit in units:
+            unit.stages = [StageState(TRANSFER, DURATION) for row in unit.stages if row.name == TRANSFER]
+    elif request.resume is not None:
+        completed = completed_stages(request, units)
+        for row in (row for unit in units for row in unit.stages if row.name in completed):
+            row.solve("good")
+    return units
