@@ -1,12 +1,11 @@
 """A run over temperature in the window: temperatures, what a soak waits for, and the chamber that must stay closed."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import pytest
 from PySide6.QtWidgets import QApplication, QComboBox, QPushButton
 
-from calstation.config import RunRequest, access, library
+from calstation.config import RegisterOperation, RunRequest, access, library
 from calstation.errors import DeviceFaultError
 from calstation.gui.engineer.page import EngineerPage
 from calstation.gui.operator.live import TemperaturePanel
@@ -340,7 +339,7 @@ def shown_buttons(operator: Operator) -> list[str]:
 
 
 @pytest.mark.long
-def test_engine_that_dies_leaves_the_chamber_unknown(thermal: ThermalRun, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_engine_that_dies_leaves_the_chamber_unknown(thermal: ThermalRun) -> None:
     access.set_pin("", "246813")
     thermal.app.role.unlock("246813")
     thermal.emit(SOAK, StageProgress("temperature", 0.1, 100.0))
@@ -368,11 +367,9 @@ def test_engine_that_dies_leaves_the_chamber_unknown(thermal: ThermalRun, monkey
         assert thermal.operator.widget("write_registers_button", QPushButton).toolTip() == why
     thermal.app.set_language("en")
     registers = thermal.operator.window.findChild(EngineerPage).registers
-    monkeypatch.setattr(registers, "_run", SimpleNamespace())
-    for at_rest in (False, True):  # a write would turn the table, and remove the notice about the chamber
-        registers._write(SimpleNamespace(), at_rest=at_rest)  # type: ignore[arg-type]
-        assert "I looked at the chamber" in registers._about.text()
-        assert not thermal.app.engine_link.running
+    registers._start(RegisterOperation(RunRequest("SN-1"), "restore"))  # would remove the notice about the chamber
+    assert "I looked at the chamber" in registers._about.text()
+    assert not thermal.app.engine_link.running
     page._starting.start()
     assert not thermal.app.engine_link.running
     thermal.operator.press("operator_page_chamber_notice_close")
