@@ -328,7 +328,7 @@ def test_partial_run_is_marked_on_all_pages(engineer: Engineer) -> None:
     engineer.window.show_page("history_page")
     table = engineer.widget("history_table", QTableView).model()
     engineer.until(lambda: table.rowCount() == 2)
-    assert [table.index(row, 0).data() for row in range(2)] == ["STOPPED", "PARTIAL"]
+    assert [table.index(row, 0).data() for row in range(2)] == ["STOPPED, simulated", "PARTIAL, simulated"]
     combo = engineer.widget("history_outcome_combo", QComboBox)
     for verdict, rows in (("passed", 0), ("partial", 1)):
         combo.setCurrentIndex(combo.findData(verdict))

@@ -34,7 +34,7 @@ from calstation.database import (
 )
 from calstation.records import RunFilter, files, run_index
 from calstation.records.run_index import FILE
-from calstation.results import History, history
+from calstation.results import History, history, stated
 from tests.database.result_files import in_index, write_result
 from tests.interleaving.scheduler import Scheduler, Thread, failing_seed, run_seeds, with_seeds
 
@@ -214,6 +214,7 @@ def exchange_runs(seed: int, parent: Path) -> None:
         patch.setattr(sqlite3.dbapi2, "connect", site.connect)
         patch.setattr(time, "thread_time", lambda: 0.0)
         patch.setattr(os, "fsync", lambda handle: None)
+        patch.setattr(stated, "is_release_recorded", lambda result: True)
         patch.setattr(exchange, "_PAGE_SIZE", site.random.choice((2, 500)))
         patch.setattr(outbox, "_MAX_MESSAGES", site.random.choice((1, 50)))
         patch.setattr(process, "_SLICE_S", site.random.choice((0.0, 3.0)))
