@@ -1,21 +1,22 @@
 """Summary of a run before its start."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from math import inf
 from pathlib import Path
 
-from calstation.config import RunConfiguration, RunRequest, SignInSection, check_station, library, load_configuration
+from calstation.config import RunRequest, SignInSection, check_station, library, load_configuration
 from calstation.messages import Text
 from calstation.physics import (
-    GROUPS,
     NAMES,
     ManualMove,
     Orientation,
     Soak,
     TableGeometry,
-    group_indices,
+    group_of,
     orientation_matrix,
+    parameter_indices,
 )
 from calstation.quality import due_certificates
 from calstation.sequencer import DURATION, StagePlan, stage_times, step_time, table_task
@@ -44,7 +45,7 @@ class RunSummary:
     stages: tuple[StageSummary, ...]
     #: Approximate duration of writing and verifying the registers, s; None for a unit without registers.
     transfer: float | None
-    #: Maximum sigma that the product permits after these stages, SI, by estimated group with a limit.
+    #: Sigma to reach, SI, by group: the smallest of the product's limits after these stages and the stages' targets.
     targets: Mapping[str, float]
     load_angle: tuple[float, float]  #: Angles of the table while units are changed, degrees.
     operator_ends_stages: bool = False  #: Whether the operator page offers to end a repeated stage early.
@@ -64,6 +65,7 @@ class RunSummary:
     check_standards: tuple[str, ...] = ()  #: Serial numbers of the check standards, whose runs are never refused.
     unjudged: tuple[str, ...] = ()  #: Entries of the product's limits that none of its stages can judge.
     omitted: tuple[str, ...] = ()  #: Stages of the product that the run omits; a run that omits any is partial.
+    own_targets: frozenset[str] = frozenset()  #: Groups whose sigma to reach is a stage's target, not a limit.
 
     @property
     def over_temperature(self) -> bool:
@@ -88,6 +90,10 @@ def run_summary(request: RunRequest) -> RunSummary:
     load, picture = setup.product.load_angle, setup.product.picture
     geometry = setup.table.geometry()
     plans = table_task(setup).stages
+    targets = [target for plan in plans for target in plan.rule.targets.items()]
+    by_stages = _by_group((NAMES[i], sigma) for name, sigma in targets for i in parameter_indices(name))
+    limits = _by_group(setup.sigma_limits().items())
+    own = {group: sigma for group, sigma in by_stages.items() if sigma < limits.get(group, inf)}
     return RunSummary(
         station=setup.station.name,
         product=setup.product.name,
@@ -102,7 +108,7 @@ def run_summary(request: RunRequest) -> RunSummary:
             for plan, seconds in zip(plans, stage_times(plans, setup.table.settle_s), strict=True)
         ),
         transfer=_transfer_time(plans) if setup.register_map.parameters else None,
-        targets=_targets(setup),
+        targets=limits | own,
         load_angle=(load.outer_deg, load.inner_deg),
         operator_ends_stages=setup.product.operator_ends_stages,
         by_hand=setup.table.by_hand,
@@ -120,6 +126,7 @@ def run_summary(request: RunRequest) -> RunSummary:
         check_standards=tuple(standard.serial for standard in setup.product.check_standards),
         unjudged=setup.unjudged_limits,
         omitted=tuple(stage for stage in setup.product.stages if stage not in setup.stages),
+        own_targets=frozenset(own),
     )
 
 
@@ -134,11 +141,10 @@ def _up(geometry: TableGeometry, step: ManualMove) -> tuple[float, float, float]
     return float(x), float(y), float(z)
 
 
-def _targets(setup: RunConfiguration) -> dict[str, float]:
-    allowed = setup.sigma_limits()
-    groups = {group: [NAMES[i] for i in group_indices(group)] for group in GROUPS}
-    return {
-        group: min(allowed[n] for n in names if n in allowed)
-        for group, names in groups.items()
-        if {*names} & {*allowed}
-    }
+def _by_group(sigmas: Iterable[tuple[str, float]]) -> dict[str, float]:
+    """Return the smallest sigma of each group."""
+    smallest: dict[str, float] = {}
+    for name, sigma in sigmas:
+        group = group_of(name)
+        smallest[group] = min(sigma, smallest.get(group, sigma))
+    return smallest

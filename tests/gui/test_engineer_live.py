@@ -47,7 +47,7 @@ def test_traces_table_and_convergence_are_live(run: Operator) -> None:
     run.until(lambda: "table moving" in run.says())
     assert live._traces.rows[:, 1].tolist() == [1.0, 1.0]
     assert live._convergence.lines["gyro_bias"].ratios == [3.0]
-    run.until(lambda: "σ 3 × target" in tile(run, "engineer_unit_2_tile").accessibleName())
+    run.until(lambda: "σ 3 × limit" in tile(run, "engineer_unit_2_tile").accessibleName())
     run.qtbot.mouseClick(tile(run, "engineer_unit_2_tile"), Qt.MouseButton.LeftButton)
     assert run.run.unit.slot == "2"
     run.widget("language_combo", QComboBox).setCurrentIndex(1)

@@ -52,6 +52,7 @@ from calstation.messages import Text
 from calstation.records import audit_path, open_log, read_audit
 from calstation.registers import journal as register_journal
 from calstation.results import SCHEMA, FinishedRun, Parameter, Preview, Result, StagePreview
+from calstation.runs import run_summary
 from tests.check_rows import check_row
 from tests.gui.conftest import SERIAL, Operator, SiteFolder
 from tests.site_folder import PRODUCT
@@ -432,6 +433,18 @@ def test_target_below_one_in_an_empty_field_does_not_prevent_a_run(engineer: Eng
     assert app.schedule is not None
     assert app.schedule["excitation"]["targets"] == pytest.approx({"gyro_bias": 0.02 * DEGREE_PER_HOUR})
     app.set_language("en")
+
+
+def test_sigma_to_reach_is_the_limit_or_a_stricter_target_of_a_stage(engineer: Engineer) -> None:
+    engineer.unlock()
+    engineer.page.choice.selector.select("excitation")
+    limit = run_summary(engineer.page._request()).targets["gyro_bias"]
+    for factor, own in ((2.0, False), (0.5, True)):
+        sigma = factor * limit
+        engineer.type("schedule_excitation_targets_gyro_bias", f"{sigma / DEGREE_PER_HOUR:.6f}")
+        summary = run_summary(engineer.page._request())
+        assert summary.targets["gyro_bias"] == pytest.approx(min(sigma, limit), rel=1e-3)
+        assert summary.own_targets == ({"gyro_bias"} if own else set())
 
 
 @pytest.mark.parametrize("code", ["en", "zh_CN"])

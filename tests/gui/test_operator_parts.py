@@ -286,11 +286,38 @@ def test_convergence_plot_marks_reached_targets_and_thins_its_lines(qtbot: QtBot
     assert "accel_bias" not in plot.lines
     assert len(plot.lines["gyro_bias"].times) <= 2001
     plot.draw()
-    for code, name, end in (("en", "gyro bias σ ", "°/h reached"), ("zh_CN", "陀螺零偏标准差 ", "°/h 已达标")):
+    for code, name, end in (("en", "gyro bias σ ", "°/h, within limit"), ("zh_CN", "陀螺零偏标准差 ", "，已在限差内")):
         language.use(code)
         (text,) = [label.text for label in plot._labels._labels if not label.bold]
         assert text.startswith(name)  # not the bias itself
         assert text.endswith(end)
+    language.use("en")
+
+
+@pytest.mark.parametrize(
+    ("code", "own", "texts"),
+    [
+        ("en", set(), ("multiple of its limit", "limit", "within limit")),
+        ("en", {"gyro_bias"}, ("multiple of its target", "target", "target reached")),
+        ("en", {"accel_bias"}, ("multiple of its target or limit", "target or limit", "within limit")),
+        ("zh_CN", set(), ("标准差与限差之比", "限差", "已在限差内")),
+        ("zh_CN", {"gyro_bias"}, ("标准差与目标值之比", "目标", "已达目标")),
+        ("zh_CN", {"accel_bias"}, ("标准差与目标值或限差之比", "目标或限差", "已在限差内")),
+    ],
+)
+def test_convergence_plot_calls_only_targets_of_stages_targets(
+    qtbot: QtBot, code: str, own: set[str], texts: tuple[str, str, str]
+) -> None:
+    language.use(code)
+    plot = Convergence()
+    qtbot.addWidget(plot)
+    plot.start(dict.fromkeys({"gyro_bias"} | own, 1e-7), own=own)
+    plot.add(1.0, {"gyro_bias": 5e-8})
+    plot.draw()
+    line, sigma = sorted(plot._labels._labels, key=lambda shown: not shown.bold)
+    assert any(shown.text().endswith(texts[0]) for shown in plot.findChildren(QLabel))
+    assert line.text == texts[1]
+    assert sigma.text.endswith(texts[2])
     language.use("en")
 
 

@@ -339,8 +339,14 @@ def test_tiles_show_unit_and_slot_and_a_click_selects_its_plots(operator: Operat
         sigma = {group: factor * target for group, target in targets.items()}
         link.event.emit(StageProgress("rate", 0.5, 5.0, sigma, slot=slot))
         link.event.emit(Trace((0.0, 1.0), (float(slot),) * 12, slot=slot))
-    operator.until(lambda: "σ 12 × target" in tile(operator, "unit_3_tile").accessibleName())
-    assert "σ 3 × target" in tile(operator, "unit_1_tile").accessibleName()
+    operator.until(lambda: "σ 12 × limit" in tile(operator, "unit_3_tile").accessibleName())
+    assert "σ 3 × limit" in tile(operator, "unit_1_tile").accessibleName()
+    assert operator.run.run_summary is not None
+    operator.run.run_summary = replace(operator.run.run_summary, own_targets=frozenset(targets))
+    for code, text in (("zh_CN", "标准差 3 × 目标"), ("en", "σ 3 × target")):
+        operator.window.app.set_language(code)
+        operator.until(lambda text=text: text in tile(operator, "unit_1_tile").accessibleName())
+    operator.run.run_summary = replace(operator.run.run_summary, own_targets=frozenset())
     assert "reached" in tile(operator, "unit_2_tile").accessibleName()
     assert live._traces.rows[0, 1] == 1.0
     assert live._convergence.lines["gyro_bias"].ratios == [3.0]
@@ -356,7 +362,7 @@ def test_tiles_show_unit_and_slot_and_a_click_selects_its_plots(operator: Operat
     for slot, passed in (("1", True), ("2", False)):
         solved = {f"{group}_x": {"value": 0.0, "sigma": 0.2 * target} for group, target in targets.items()}
         link.event.emit(StageSolved("rate", solved, {"passed": passed}, slot=slot))
-    operator.until(lambda: "reached (σ 0.2 × target)" in tile(operator, "unit_1_tile").accessibleName())
+    operator.until(lambda: "reached (σ 0.2 × limit)" in tile(operator, "unit_1_tile").accessibleName())
     assert live._convergence.lines["gyro_bias"].ratios == [0.5, 0.2]
     operator.until(lambda: "Rate: solving" in tile(operator, "unit_3_tile").accessibleName())
     assert "Rate: not ok" in tile(operator, "unit_2_tile").accessibleName()

@@ -242,10 +242,10 @@ class RunStatus(QObject):
             return stage.duration
         return stage.remaining if stage.state in ("active", "stopped", "fault") else 0.0
 
-    def sigma_ratio(self, unit: UnitStatus) -> float | None:
-        """Return the largest ratio of a sigma of a unit to its target, or None while it is unknown."""
+    def sigma_ratio(self, unit: UnitStatus) -> tuple[float, str] | None:
+        """Return the largest ratio of a sigma of a unit to its target or limit, and its group; None while unknown."""
         targets = {} if self.run_summary is None else self.run_summary.targets
-        ratios = [value / targets[group] for group, value in unit.sigma.items() if group in targets]
+        ratios = [(value / targets[group], group) for group, value in unit.sigma.items() if group in targets]
         return max(ratios, default=None)
 
     def select_unit(self, unit: UnitStatus) -> None:

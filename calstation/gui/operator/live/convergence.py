@@ -1,7 +1,7 @@
-"""Plot of the ratio of the sigma of each parameter group to its target over device time."""
+"""Plot of the ratio of the sigma of each parameter group to its target or limit over device time."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -29,9 +29,13 @@ _LABELS, _LABELS_SHARE = 38 * theme.GRID, 0.52
 
 @dataclass
 class Line:
-    """Ratio of the sigma of a group to its `target`, SI, over device time, s."""
+    """Ratio of the sigma of a group to its `target`, SI, over device time, s.
+
+    The target is one of a stage if `own`, otherwise the product's limit.
+    """
 
     target: float
+    own: bool = False
     times: list[float] = field(default_factory=list)
     ratios: list[float] = field(default_factory=list)
 
@@ -52,12 +56,12 @@ class Line:
 
     @property
     def reached(self) -> bool:
-        """Whether the sigma has reached its target."""
+        """Whether the sigma has reached its target or limit."""
         return bool(self.ratios) and self.ratios[-1] <= 1.0
 
 
 class Convergence(QFrame):
-    """Plot of the ratio of the sigma of each group to its target over device time, with a dashed line at the target."""
+    """Plot of the ratio of the sigma of each group to its target or limit over device time, with a dashed line at 1."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -75,9 +79,9 @@ class Convergence(QFrame):
         box.sigResized.connect(self._label_lines)
         self._target = pg.InfiniteLine(0.0, angle=0)
         self._plot.addItem(self._target)
-        self._labels = LineLabels(_LABELS)
+        self._labels, self._title = LineLabels(_LABELS), label(kind="muted")
         column(
-            label("operator.sigma_over_target", "muted"),
+            self._title,
             (row((self._plot, 1), self._labels, spacing=0), 1),
             on=self,
             spacing=0,
@@ -95,9 +99,14 @@ class Convergence(QFrame):
         super().resizeEvent(event)
         self._labels.setFixedWidth(min(_LABELS, round(_LABELS_SHARE * self.width())))
 
-    def start(self, targets: Mapping[str, float], slots: Sequence[str] = ("",)) -> None:
-        """Start a run of the units in `slots` with target sigmas by group, SI, and show the first unit."""
-        self._all_lines = {slot: {group: Line(target) for group, target in targets.items()} for slot in slots}
+    def start(
+        self, targets: Mapping[str, float], slots: Sequence[str] = ("",), own: Container[str] = frozenset()
+    ) -> None:
+        """Start a run of the units in `slots`, and show the first unit.
+
+        `targets` are the sigmas to reach by group, SI: targets of stages for the groups in `own`, otherwise limits.
+        """
+        self._all_lines = {slot: {g: Line(target, g in own) for g, target in targets.items()} for slot in slots}
         self._now = 0.0
         self.show_unit(slots[0])
 
@@ -141,14 +150,21 @@ class Convergence(QFrame):
     def _refresh(self) -> None:
         c = theme.colours()
         self._plot.setLabel("bottom", say("operator.axis_time"))
+        self._title.setText(say(f"operator.sigma_over_{self._goal}"))
         self._target.setPen(theme.pen(c.text, 1, Qt.PenStyle.DashLine))
         for line in self.lines.values():
             line.curve.setPen(theme.pen(c.muted, 1))
         self._label_lines()
 
+    @property
+    def _goal(self) -> str:
+        """Suffix of the catalogue entries about what the sigmas of the displayed unit are to reach."""
+        own = {line.own for line in self.lines.values()}
+        return "target_or_limit" if len(own) > 1 else "target" if True in own else "limit"
+
     def _label_lines(self) -> None:
         c = theme.colours()
-        labels = [LineLabel(self._height(1.0), say("operator.target"), QColor(c.text), bold=True)]
+        labels = [LineLabel(self._height(1.0), say(f"operator.{self._goal}"), QColor(c.text), bold=True)]
         for group, line in self.lines.items():
             if not line.ratios:
                 continue
@@ -158,9 +174,13 @@ class Convergence(QFrame):
             sigma = say("operator.sigma_of", name=term("group", group), value=number, unit=unit)
             text, colour, state = sigma, c.text, ""
             if line.reached:
-                text, colour, state = say("operator.reached", value=text), c.good, "good"
+                text, colour, state = _reached(line, text), c.good, "good"
             labels.append(LineLabel(self._height(line.ratios[-1]), text, QColor(colour), state))
         self._labels.show_labels(labels)
 
     def _height(self, ratio: float) -> float:
         return float(self._plot.getViewBox().mapViewToScene(pg.Point(0.0, float(np.log10(ratio)))).y())
+
+
+def _reached(line: Line, sigma: str) -> str:
+    return say("operator.target_reached" if line.own else "operator.limit_reached", value=sigma)

@@ -135,8 +135,8 @@ class LiveView(QWidget):
         self._turns = []
         self._traces.start()
         self.temperature.start()
-        targets = run_summary.targets if run_summary is not None else {}
-        self._convergence.start(targets, [unit.slot for unit in self._run.units])
+        targets, own = ({}, frozenset()) if run_summary is None else (run_summary.targets, run_summary.own_targets)
+        self._convergence.start(targets, [unit.slot for unit in self._run.units], own)
         self._units.start()
         if run_summary is not None:
             self.table.picture.set_axes(run_summary.outer_axis, run_summary.inner_axis)

@@ -19,6 +19,8 @@ from PySide6.QtWidgets import (
 from calstation.gui.state import TRANSFER, AppContext, Slots, UnitStatus
 from calstation.gui.text import KINDS, bind, fault_text, on_language_change, product_text, say, term
 from calstation.gui.widgets import ElidedLabel, StateIcon, clear, column, grid, label, plain_tip, row, theme
+from calstation.messages import Text
+from calstation.runs import RunSummary
 
 #: Maximum number of tiles in a row.
 COLUMNS = 4
@@ -195,8 +197,7 @@ class UnitTiles(QWidget):
         elif stage is not None and stage.name == TRANSFER:
             text = term("stage", stage.name)
         elif ratio is not None:
-            share = f"{ratio:.2g}" if ratio < 10.0 else f"{ratio:.0f}"
-            text = say("operator.sigma_reached" if ratio <= 1.0 else "operator.sigma_share", share=share)
+            text = _sigma_text(*ratio, run.run_summary)
         elif stage is not None:
             text = term("stage", stage.name)
         elif solved := [stage for stage in unit.stages if stage.state == "good"]:
@@ -205,6 +206,14 @@ class UnitTiles(QWidget):
         if unit.failing and bad is None:
             return "bad", say("operator.will_fail")
         return "bad" if bad is not None else kind, text or say("operator.unit_preparing")
+
+
+def _sigma_text(ratio: float, group: str, summary: RunSummary | None) -> str:
+    """Return the largest ratio of a sigma to the target of a stage or to the product's limit."""
+    own = summary is not None and group in summary.own_targets
+    code = "operator.sigma_reached" if ratio <= 1.0 else "operator.sigma_share"
+    share = f"{ratio:.2g}" if ratio < 10.0 else f"{ratio:.0f}"
+    return say(code, share=share, goal=Text("operator.target" if own else "operator.limit"))
 
 
 def _named(name: str, text: str) -> str:
