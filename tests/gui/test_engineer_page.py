@@ -265,6 +265,59 @@ def test_changed_schedule_is_not_a_partial_calibration(engineer: Engineer) -> No
     assert engineer.widget("start_button", QPushButton).text() == "START"
 
 
+@pytest.mark.parametrize(
+    ("code", "title", "stages"),
+    [
+        ("en", "Not the product's own schedule", "page: Rate. “Whole"),
+        ("zh_CN", "不是这个产品自己的流程参数", "设定：速率。"),
+    ],
+)
+def test_notice_of_a_changed_schedule_names_only_the_changed_stages(
+    engineer: Engineer, code: str, title: str, stages: str
+) -> None:
+    engineer.unlock()
+    engineer.type("schedule_rate_dwell_s", "6.5")
+    engineer.window.app.set_language(code)
+    engineer.window.show_page("operator_page")
+    notice = engineer.window.operator_page.notice
+    assert notice.title_label.text() == title
+    assert stages in notice.text_label.text()
+    engineer.window.app.set_language("en")
+
+
+@pytest.mark.parametrize(
+    ("code", "title", "remedy", "unusable"),
+    [
+        ("en", "The schedule set on the Engineer page cannot run", "the schedule of Excitation on", "another product"),
+        ("zh_CN", "工程师页设定的流程参数无法标定", "更正“三轴激励”的流程参数", "工位和产品型号"),
+    ],
+)
+def test_operator_page_blames_a_wrong_schedule_instead_of_station_and_product(
+    engineer: Engineer, code: str, title: str, remedy: str, unusable: str
+) -> None:
+    app, window = engineer.window.app, engineer.window
+    app.set_language(code)
+    engineer.unlock()
+    engineer.type("schedule_rate_dwell_s", "6.5")  # valid
+    engineer.page.choice.selector.select("excitation")
+    engineer.type("schedule_excitation_targets_gyro_bias", "0")
+    window.show_page("operator_page")
+    texts = engineer.says()
+    assert texts.count(title) == 3, "the notice, the view and the message"
+    assert remedy in texts
+    assert unusable not in texts
+    assert not window.operator_page.notice.offers("station_choice")
+    engineer.press("engineer_choice")
+    assert engineer.page.isVisible()
+    engineer.type("schedule_excitation_targets_gyro_bias", "-1")
+    window.show_page("operator_page")
+    engineer.press("whole_choice")
+    assert (app.run.problem, app.schedule) == (None, None)
+    assert engineer.page.choice.form.valid
+    assert title not in engineer.says()
+    app.set_language("en")
+
+
 @pytest.mark.long
 def test_only_an_engineer_chooses_parts(engineer: Engineer) -> None:
     boxes = ("part_check_biases", "stage_check_rate")

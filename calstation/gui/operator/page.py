@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import Qt
@@ -14,7 +13,7 @@ from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.live import LiveView
 from calstation.gui.operator.loading import Loading
-from calstation.gui.operator.next_run import read_next_run
+from calstation.gui.operator.next_run import read_next_run, selection_question
 from calstation.gui.operator.production import ShiftCounter, UnprintedNotice
 from calstation.gui.operator.questions import (
     ClaimNotice,
@@ -273,14 +272,11 @@ class OperatorPage(Page):
         if summary is not None:
             self.header.badge_field.set_section(summary.sign_in)
         if self._problem is not None:
-            open_station = partial(app.page_requested.emit, "station_page")
-            answers, engineer = {"station": open_station}, app.role.engineer
-            ask(self.notice, "caution", self._problem, answers, others=choices, engineer=engineer)
+            ask(self.notice, "caution", self._problem, {}, others=choices, engineer=app.role.engineer)
         else:
             self.notice.dismiss()
             if app.stages is not None and summary is not None:
-                selected = "selected_stages" if summary.omitted else "selected_schedule"
-                question = Text.of(f"question.{selected}", stages=app.stages)
+                question = selection_question(app, summary)
                 ask(self.notice, "caution", question, {"whole": lambda: app.choose(None, None)})
         self._refresh()
 
@@ -429,7 +425,7 @@ class OperatorPage(Page):
         run = self.app.run
         returning = run.chamber.access == "closed" and self.app.engine_link.running
         if run.state == "idle" and not returning:
-            why = why_not_load(run, usable=self._problem is None)
+            why = why_not_load(run, self._problem)
             self._hindrance.say(*why)
             loading: QWidget = self._slots if self._starting.slots else self._loading
             self._views.setCurrentWidget(self._hindrance if any(why) else loading)
@@ -490,7 +486,9 @@ class OperatorPage(Page):
             return say("operator.message_monitoring", state=say(run.monitoring[1]))
         if run.display_state == "not_ready" and has_pair(self.app.station_path):
             return say("operator.message_pair")
-        if run.state == "idle" and run.problem is None and self._starting.slots:
+        if run.display_state == "not_ready" and run.problem is not None:
+            return rendered(run.problem).text
+        if run.state == "idle" and self._starting.slots:
             return say("operator.message_idle_slots")
         if run.state in ("idle", "starting"):
             return say(f"operator.message_{run.display_state}")

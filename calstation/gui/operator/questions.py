@@ -127,16 +127,16 @@ def urgent_message(run: RunStatus, *, engineer: bool) -> str:
     return joined(say("operator.message_stopping_manual"), other, language.current()) if stopping else other
 
 
-def why_not_load(run: RunStatus, *, usable: bool) -> tuple[Words, Words]:
+def why_not_load(run: RunStatus, problem: Text | None) -> tuple[Words, Words]:
     """Return title and text of the reason to load no unit now, which are empty if there is none.
 
-    `usable` is whether station and product can be used.
+    `problem` is why the next run is not possible, or None.
     """
     if run.elsewhere is not None:
         other = Text("question.other_window")
         return lambda: rendered(other).text, lambda: rendered(other).remedy
-    if not usable:
-        return "operator.unusable", "operator.about_unusable"
+    if problem is not None:
+        return lambda: rendered(problem).text, "operator.about_impossible"
     if run.stop_incomplete:
         return "operator.table_unsafe", "operator.table_unconfirmed"
     if run.chamber.must_stay_closed and run.chamber.unchecked:
