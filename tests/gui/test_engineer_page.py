@@ -476,6 +476,26 @@ def test_units_of_a_schedule_are_shown_and_not_cut(
 
 
 @pytest.mark.parametrize("code", ["en", "zh_CN"])
+@pytest.mark.parametrize("group", ["gyro_bias", "accel_bias"])
+def test_wrong_field_stays_in_sight_on_a_small_screen(engineer: Engineer, code: str, group: str) -> None:
+    engineer.window.resize(1280, 720)
+    engineer.window.app.set_language(code)
+    engineer.unlock()
+    engineer.page.choice.selector.select("excitation")
+    edit = engineer.widget(f"schedule_excitation_targets_{group}", QLineEdit)
+    area = engineer.page.choice._area
+    edit.setFocus()
+    area.ensureWidgetVisible(edit)  # as Tab does
+    engineer.qtbot.keyClicks(edit, "0")
+    message = engineer.widget(f"schedule_excitation_targets_{group}_message", QLabel)
+    engineer.until(lambda: bool(message.text()))
+    engineer.qtbot.wait(50)
+    for widget in (edit, message):
+        assert widget.visibleRegion().boundingRect().height() == widget.height() > 0
+    engineer.window.app.set_language("en")
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
 def test_target_below_one_in_an_empty_field_does_not_prevent_a_run(engineer: Engineer, code: str) -> None:
     app = engineer.window.app
     app.set_language(code)

@@ -11,6 +11,7 @@ from calstation.config import ScheduleOptions
 from calstation.gui.engineer.schedule_form import ScheduleForm
 from calstation.gui.text import about, bind, on_language_change, product_text, say, term
 from calstation.gui.widgets import (
+    FormField,
     PlainLabel,
     box,
     button,
@@ -60,6 +61,8 @@ class ChoicePanel(QFrame):
         content = box(self._form_box, margins=(0, 0, theme.GRID // 2, 0))
         self._area = scroll_area(content, wide=False)
         self._area.setMinimumHeight(6 * theme.GRID)
+        # queued, because the fields have their new places only later
+        self._area.verticalScrollBar().rangeChanged.connect(self._show_edited, Qt.ConnectionType.QueuedConnection)
         for widget in (content, self._area.viewport()):
             widget.setAutoFillBackground(False)
         column(
@@ -145,6 +148,12 @@ class ChoicePanel(QFrame):
         if self._warning is not None:
             show_text(self._problem, say(self._warning))
         show_text(self._product, self._name and say("engineer.for_product", product=product_text(self._name)))
+
+    def _show_edited(self) -> None:
+        """Scroll to the field with the focus, and its message, after a text made the form higher or its area lower."""
+        field = next((field for field in self.findChildren(FormField) if field.editor.hasFocus()), None)
+        if field is not None:
+            self._area.ensureWidgetVisible(field, 0, theme.GRID)
 
     def _show_form(self, stage: str) -> None:
         for name, form in self._forms.items():
