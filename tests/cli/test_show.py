@@ -8,6 +8,7 @@ import pytest
 
 from calstation.physics import display
 from tests.cli.conftest import META, Done, six_position_rows, write_log
+from tests.results.test_history import write
 from tests.thermal_results import thermal_result
 
 Run = Callable[..., Done]
@@ -56,3 +57,15 @@ def test_result_over_temperature_has_a_course_of_every_parameter(calstation: Run
     assert len(course[3]) == 16
     assert {"\u2581", "\u2588"} <= set(course[3])
     assert not any(line.strip().startswith("gyro_misalign_xy") and "\u2581" in line for line in done.out.splitlines())
+
+
+def test_release_that_the_audit_trail_does_not_record_is_refused(
+    calstation: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
+    forged = {"by": "B0002", "why": "forged", "utc": "2026-11-02T00:00:00+00:00"}
+    path = write(tmp_path, "a", "SN-44", "failed", 1, override=forged)
+    done = calstation("show", path)
+    assert done.code == 2
+    assert "released" not in done.out
+    assert "the audit trail of this site does not record this release" in done.err
