@@ -81,12 +81,15 @@ class Interrupted:
         return Text.of("question.not_resumed", units=units) if units else ""
 
 
-def find_resumable(progress: ProgressCallback, folder: Path, station: str | None = None) -> list[Resumable]:
+def find_resumable(
+    progress: ProgressCallback, folder: Path, station: str | None = None, *, measured: bool = False
+) -> list[Resumable]:
     """Job: find the runs in a folder that a station, or any, can resume, and return them with the latest first.
 
-    At most one run per unit is returned, and no run that is older than the last verdict on the unit.
+    At most one run per unit is returned, and no run that is older than the last verdict on the unit. Simulated runs
+    are left out if `measured`, because a station with hardware can neither resume them nor takes their verdicts.
     """
-    history = History(folder)
+    history = History(folder, measured=measured)
     history.refresh()
     runs: list[Resumable] = []
     serials: set[str] = set()
@@ -104,9 +107,12 @@ def find_resumable(progress: ProgressCallback, folder: Path, station: str | None
     return runs
 
 
-def find_interrupted(progress: ProgressCallback, folder: Path, station: str | None = None) -> list[Interrupted]:
+def find_interrupted(
+    progress: ProgressCallback, folder: Path, station: str | None = None, *, measured: bool = False
+) -> list[Interrupted]:
     """Job: find the runs that can be resumed, as `find_resumable` does, those of the units of a batch together."""
-    runs, history = find_resumable(progress, folder, station), History(folder)
+    runs = find_resumable(progress, folder, station, measured=measured)
+    history = History(folder, measured=measured)
     batches = [each for batch in _batches(runs) for each in _of_batch(history, batch, station)]
     found = [*(Interrupted((run,)) for run in runs if run.slot is None), *batches]
     latest = history.runs(RunFilter(station=station or "", missing=None))

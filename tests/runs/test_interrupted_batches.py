@@ -16,7 +16,7 @@ from calstation.config import RunRequest, load_configuration
 from calstation.devices.imu import Closing, Step
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import Language, sentence
-from calstation.records import Verdict
+from calstation.records import Verdict, open_log
 from calstation.registers import journal
 from calstation.results import History, load_result
 from calstation.runs import RunStart, find_interrupted, find_resumable, finish_incomplete
@@ -320,3 +320,14 @@ def test_question_names_the_stage_after_the_completed_ones(language: Language, t
         question = Interrupted((run,)).question
         assert question.values["stage"] == stage
     assert transfer in sentence(question, language).lower()
+
+
+def test_simulated_run_is_not_offered_at_a_station_with_hardware(site_folder: SiteFolder) -> None:
+    log = write_dead_log(site_folder.runs, station=STATION, seed=5)
+    finish_incomplete(site_folder.runs)
+    assert open_log(log).meta.is_simulated
+    assert [run.log for each in find_interrupted(ignore_progress, site_folder.runs, STATION) for run in each.runs] == [
+        log
+    ]
+    assert find_interrupted(ignore_progress, site_folder.runs, STATION, measured=True) == []
+    assert find_resumable(ignore_progress, site_folder.runs, STATION, measured=True) == []

@@ -111,14 +111,16 @@ class HistoryPage(Page):
             self.show_runs()
         elif not self._refresher.busy:
             self._refresher.start(self.app.runs_folder)
-            self._resumable_finder.start(self.app.runs_folder, self._station_name())
+            name, measured = self._station()
+            self._resumable_finder.start(self.app.runs_folder, name, measured=measured)
 
-    def _station_name(self) -> str | None:
-        """Return the name of the station, or None if its file is invalid."""
+    def _station(self) -> tuple[str | None, bool]:
+        """Return the name of the station, or None if its file is invalid, and whether it has hardware."""
         try:
-            return load_station(self.app.station_path)[1].name
+            station = load_station(self.app.station_path)[1]
         except CalstationError:
-            return None
+            return None, False
+        return station.name, station.bench is None
 
     def show_runs(self) -> None:
         """List the indexed runs that match the filters."""

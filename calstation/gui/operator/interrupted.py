@@ -142,7 +142,8 @@ class InterruptedRuns(QObject):
         """
         self._serials, self._log, self._otherwise = serials, log, otherwise
         if self._app.runs_folder.is_dir() and self.run_summary is not None:
-            self._search.start(self._app.runs_folder, self.run_summary.station)
+            summary = self.run_summary
+            self._search.start(self._app.runs_folder, summary.station, measured=summary.bench is None)
         else:
             otherwise()
 
