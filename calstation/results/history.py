@@ -240,8 +240,15 @@ class History:
         return self._query(lambda: self._index.attempts(serial, measured=self._measured))
 
     def absent_attempts(self, serial: str) -> list[tuple[int, int]]:
-        """Return the attempt numbers of the unit of which no run is known, as ranges: first and last."""
-        return _absent(self._query(lambda: self._index.attempt_numbers(serial)))
+        """Return the attempt numbers of the unit of which no run is known, as ranges: first and last.
+
+        The number of a measured run is absent although a simulated run has the same number.
+        """
+        measured, every = (
+            self._query(lambda kind=kind: self._index.attempt_numbers(serial, measured=kind))
+            for kind in (True, self._measured)
+        )
+        return _absent_of(measured, every)
 
     def failures(self, serial: str, product: str | None) -> int:
         """Return the number of failures of the unit as a product since it last passed, also those of partial runs.
@@ -294,6 +301,15 @@ def _absent(numbers: Iterable[int]) -> list[tuple[int, int]]:
     return [(before + 1, after - 1) for before, after in pairwise(known) if after - before > 1]
 
 
+def _absent_of(measured: Iterable[int], every: Iterable[int]) -> list[tuple[int, int]]:
+    """Return the absent numbers of measured runs and, after the last of them, of simulated ones.
+
+    Measured runs are numbered without the simulated ones, but simulated runs after both.
+    """
+    last = max(measured := [*measured], default=0)
+    return [*_absent(measured), *(each for each in _absent(every) if each[0] > last)]
+
+
 def number_ranges(ranges: Iterable[tuple[int, int]]) -> list[str]:
     """Return the texts of ranges of numbers, such as ``3`` and ``5–7``."""
     return [str(first) if first == last else f"{first}–{last}" for first, last in ranges]
@@ -306,18 +322,23 @@ def check_runs(folder: Path) -> tuple[list[Text], list[Text]]:
     The index of the folder is not used, because it is not evidence.
     """
     faults: list[Text] = []
-    attempts: dict[str, set[int]] = {}
+    attempts: dict[str, list[RunRecord]] = {}
     for name, stamp in sorted(run_stamps(folder, {}).items()):
         run = read_run(folder, name, stamp)
         if run is None:
             continue
-        attempts.setdefault(run.record.serial, set()).add(run.record.attempt)
+        attempts.setdefault(run.record.serial, []).append(run.record)
         if run.record.altered and run.record.result is not None:
             try:
                 load_confirmed_result(run.record.result)
             except InputError as error:
                 faults.append(error.as_text)
-    gaps = {serial: number_ranges(_absent(numbers)) for serial, numbers in sorted(attempts.items())}
+    gaps = {
+        serial: number_ranges(
+            _absent_of((run.attempt for run in runs if not run.simulated), (run.attempt for run in runs))
+        )
+        for serial, runs in sorted(attempts.items())
+    }
     return faults, [
         Text.of("result.attempts_absent", folder=folder, serial=serial, numbers=numbers)
         for serial, numbers in gaps.items()

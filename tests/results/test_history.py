@@ -169,6 +169,19 @@ def test_deleting_a_run_and_the_index_permits_no_further_attempt(tmp_path: Path)
     assert history.failures("SN-1", "Navigation grade A") == 0, "attempts before the last pass do not count"
 
 
+def test_simulated_attempts_hide_no_removed_measured_one(tmp_path: Path) -> None:
+    for attempt in (1, 2):
+        write(tmp_path, f"bench{attempt}", "SN-1", "failed", attempt, attempt=attempt, simulated=True)
+    write(tmp_path, "table3", "SN-1", "failed", 3, attempt=3, simulated=False)
+    write(tmp_path, "bench6", "SN-1", "failed", 6, attempt=6, simulated=True)
+    history, hardware = refreshed(tmp_path), History(tmp_path, measured=True)
+    assert hardware.absent_attempts("SN-1") == [(1, 2)]
+    assert hardware.failures("SN-1", PRODUCT) == 3
+    assert history.absent_attempts("SN-1") == [(1, 2), (4, 5)]
+    ((gap,), faults) = check_runs(tmp_path)[::-1]
+    assert (faults, gap.values["numbers"]) == ([], ["1–2", "4–5"])
+
+
 def previous_values(
     history: History, before: str | None = None, product: str = "Navigation grade A"
 ) -> dict[str, float]:
