@@ -341,6 +341,7 @@ def _record(
     """
     folder, result = log.path.absolute().parent, certificate.result
     values = {"serial": result.serial, "certificate": certificate.identification, "verdict": certificate.verdict}
+    values |= {"simulated": True} if log.meta.is_simulated else {}
     values |= {"log_sha256": result.log.sha256, **audit_values(record)}
     try:
         with report_file(folder).locked():

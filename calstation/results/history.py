@@ -244,10 +244,8 @@ class History:
 
         The number of a measured run is absent although a simulated run has the same number.
         """
-        measured, every = (
-            self._query(lambda kind=kind: self._index.attempt_numbers(serial, measured=kind))
-            for kind in (True, self._measured)
-        )
+        measured = self._query(lambda: self._index.attempt_numbers(serial, measured=True))
+        every = self._query(lambda: self._index.attempt_numbers(serial, measured=self._measured))
         return _absent_of(measured, every)
 
     def failures(self, serial: str, product: str | None) -> int:

@@ -45,7 +45,7 @@ from calstation.results.diagnostics import stage_diagnostics
 from calstation.results.history import History
 from calstation.results.result import SCHEMA, DamagedRange, Parameter, Result, online_difference
 from calstation.results.solver_chain import SolveProgress, StageChain, one_blas_thread, solve
-from calstation.results.stated import load_confirmed_result
+from calstation.results.stated import load_confirmed_result, was_simulated
 
 
 def warm_up() -> None:
@@ -252,7 +252,8 @@ def result_of(path: Path) -> Result:
     Raises InputError or ConfigurationError if the file cannot be used.
     """
     if path.suffix == ".json":
-        return load_confirmed_result(path)
+        result = load_confirmed_result(path)
+        return result.model_copy(update={"simulated": True}) if was_simulated(result, path) else result
     return stored_result(open_log(path)) or resolve(path).result
 
 

@@ -69,3 +69,8 @@ def test_release_that_the_audit_trail_does_not_record_is_refused(
     assert done.code == 2
     assert "released" not in done.out
     assert "the audit trail of this site does not record this release" in done.err
+
+
+def test_simulated_result_is_called_simulated(calstation: Run, tmp_path: Path) -> None:
+    path = write(tmp_path, "a", "SN-42", "passed", 1, simulated=True)
+    assert calstation("show", path).out.splitlines()[-1] == "SN-42: PASS, simulated"

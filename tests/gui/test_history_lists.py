@@ -255,6 +255,25 @@ def test_runs_without_limits_are_compared_without_a_plot(
     language.use("en")
 
 
+@pytest.mark.parametrize(("code", "said"), [("en", "PASS, simulated"), ("zh_CN", "合格，模拟")])
+def test_simulated_run_is_called_simulated_in_details_comparison_and_record(
+    page: HistoryPage, folder: Path, qtbot: QtBot, code: str, said: str
+) -> None:
+    for hours in (1, 2):
+        write_run(folder, "SN-000001", "passed", timedelta(hours=hours), simulated=hours == 1)
+    listed_runs(page, qtbot)
+    language.use(code)
+    select_row(page, 0, qtbot)
+    assert page.details.badge.text().startswith(said)
+    qtbot.mouseClick(button(page, "history_record_button"), Qt.MouseButton.LeftButton)
+    assert said in page.record._title.text()
+    qtbot.mouseClick(page.record.back_button, Qt.MouseButton.LeftButton)
+    model = compare(page, (0, 1), qtbot).model()
+    headings = [model.headerData(k, Qt.Orientation.Horizontal) for k in range(model.columnCount())]
+    assert [said in text for text in headings if "SN-000001" in text] == [False, True]
+    language.use("en")
+
+
 def test_incomplete_run_is_not_compared(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
     base.write_dead_log(runs["new"].parent)
     listed_runs(page, qtbot)

@@ -456,6 +456,19 @@ def test_unit_that_has_left_the_table_is_offered_only_after_its_scan(
     assert question in operator.says()
 
 
+@pytest.mark.parametrize("hardware", [True, False])
+def test_interrupted_simulated_run_is_offered_only_at_a_virtual_station(operator: Operator, hardware: bool) -> None:
+    write_dead_log(operator.window.app.runs_folder, "SN-000003", station="test bench", seed=5)
+    interrupted = operator.window.operator_page._starting.interrupted
+    assert interrupted.run_summary is not None
+    if hardware:
+        interrupted.run_summary = replace(interrupted.run_summary, bench=None)
+    interrupted.recover()
+    operator.until(lambda: operator.run.reading_runs)
+    operator.until(lambda: not operator.run.reading_runs)
+    assert ("was interrupted in stage 2" in operator.says()) is not hardware
+
+
 @pytest.mark.parametrize(
     ("language", "why"), [("en", "The program is looking for interrupted runs."), ("zh_CN", "正在查找中断的标定。")]
 )

@@ -10,10 +10,10 @@ from rich.console import Console
 
 from calstation.cli.options import command_group
 from calstation.cli.show import new_table, plain_console, result_table, show_line
-from calstation.cli.text import say, term
+from calstation.cli.text import say, sentence
 from calstation.judgement import Check
 from calstation.physics import FloatArray, display, number
-from calstation.results import Result, TemperatureResult, result_of
+from calstation.results import Result, TemperatureResult, result_of, run_outcome
 
 #: Length of a bar whose share of the limit is 1, characters.
 _BAR = 16
@@ -35,7 +35,7 @@ def show(result_file: Annotated[Path, typer.Argument(metavar="RESULT.json|LOG")]
     if result.temperature is not None:
         _show_courses(out, result, result.temperature)
     _show_bars(out, result)
-    show_line(out, f"{result.serial}: {term('badge', result.badge)}")
+    show_line(out, f"{result.serial}: {sentence(run_outcome(result))}")
 
 
 def _show_courses(out: Console, result: Result, over: TemperatureResult) -> None:

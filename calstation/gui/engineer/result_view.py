@@ -10,7 +10,6 @@ from calstation.gui.text import (
     KINDS,
     is_parameter_check,
     on_language_change,
-    outcome_text,
     product_text,
     say,
     sigmas_text,
@@ -41,6 +40,7 @@ from calstation.results import (
     FinishedRun,
     Result,
     in_sigma,
+    run_outcome,
 )
 
 _NONE = "–"
@@ -84,13 +84,7 @@ _SHAPES = {"good": "good", "near": "caution", "lost": "caution", "value": "bad",
 
 def verdict_text(result: Result, *, stages: bool = True) -> str:
     """Return the verdict on a run, such as ``PASS``, with the stages of a partial run if `stages` is True."""
-    if result.released or not result.partial or not result.stages:
-        return term("badge", result.badge)
-    passed = result.verdict == "partial"
-    if not stages:
-        return outcome_text(result.verdict, partial=True)
-    code = "engineer.passed_stages" if passed else "engineer.partial_stages"
-    return say(code, outcome=result.outcome, stages=result.stages)
+    return say(run_outcome(result, stages=stages))
 
 
 def verdict_badge(result: Result) -> tuple[str, str]:

@@ -43,7 +43,7 @@ _PERIODS: dict[int | None, Words] = {
     **{days: Text.of("common.last_days", days=days) for days in (7, 30, 365)},
 }
 #: Values that come first, in this order.
-_FIRST = ("serial", "certificate", "validation", "verdict")
+_FIRST = ("serial", "certificate", "validation", "verdict", "simulated")
 #: Ends of the names of values that only the hint shows: digests, versions of all packages, heads of files.
 _IN_HINT = ("sha256", "identity", "reports", "trail")
 #: Maximum number of parts of a value, such as versions, that the hint shows.
@@ -208,7 +208,7 @@ def _value_lines(values: Mapping[str, Any], *, names_only: bool = False) -> list
     """
     ordered = {name: values[name] for name in (*_FIRST, *values) if name in values}
     lines = [
-        f"{term('audit_value', name)} {_value_text(name, value, names_only=names_only)}"
+        f"{term('audit_value', name)} {_value_text(name, value, names_only=names_only)}".rstrip()
         for name, value in ordered.items()
         if name != _CHANGED and value not in (None, "", [])
     ]
@@ -244,7 +244,9 @@ def _changed_text(value: Any) -> str:
 
 
 def _value_text(name: str, value: Any, *, names_only: bool) -> str:
-    """Return a value of an event, in the current language if it is a term of the program."""
+    """Return a value of an event, in the current language if it is a term of the program; "" for True."""
+    if value is True:
+        return ""
     if isinstance(value, dict):
         parts = [_part_text(key, "" if names_only else part) for key, part in list(value.items())[:_MAX_PARTS]]
         return say("common.comma").join(parts) + ("…" if len(value) > _MAX_PARTS else "")

@@ -8,7 +8,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.text import bind, on_language_change, parameter_text, say, term
+from calstation.gui.text import bind, on_language_change, parameter_text, say
 from calstation.gui.widgets import (
     ComparisonTable,
     ParameterSet,
@@ -24,7 +24,7 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import local_time
 from calstation.records import RunRecord
-from calstation.results import Result
+from calstation.results import Result, run_outcome
 
 #: Symbol of each run in the plot, and the same symbol in the heading of the table.
 _SYMBOLS = (("o", "●"), ("s", "■"), ("t1", "▲"), ("d", "◆"), ("t", "▼"), ("star", "★"), ("+", "✚"), ("x", "✖"))
@@ -76,7 +76,7 @@ class RunComparison(QWidget):
         run = self._runs[k]
 
         def heading() -> str:
-            mark = f"\n{term('badge', run.badge)}" if run.altered else ""
+            mark = f"\n{say(run_outcome(run))}" if run.altered or run.simulated else ""
             date, _, time = local_time(run.started_utc).partition(" ")
             return f"{_SYMBOLS[k][1]} {run.serial}\n{date}\n{time}{mark}"
 

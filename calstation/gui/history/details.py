@@ -1,21 +1,20 @@
 """The details of a run: outcome, facts, offline solutions, the trend over the runs of its unit, and actions."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractItemView, QFormLayout, QFrame, QWidget
 
 from calstation.database import is_archived
 from calstation.errors import CalstationError
-from calstation.gui.history.run_table import outcome_kind, run_outcome, stages_text
+from calstation.gui.history.run_table import outcome_kind, run_text, stages_text
 from calstation.gui.history.trend import Trend
 from calstation.gui.operator import CertificateButton, FiguresTable, LabelButton, advice
 from calstation.gui.state import ReleaseBar
 from calstation.gui.text import (
     duration_text,
     on_language_change,
-    outcome_text,
     product_text,
     rendered,
     say,
@@ -43,7 +42,7 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import Text, entry, known, local_time
 from calstation.records import IndexedRun, ResolveRecord, RunRecord, Verdict
-from calstation.results import Result, lacks_log, number_ranges
+from calstation.results import Result, lacks_log, number_ranges, run_outcome
 
 #: Maximum number of listed failed checks.
 _MAX_FAILED = 8
@@ -180,7 +179,7 @@ class RunDetails(QFrame):
         if run is None:
             return
         self._serial.setText(run.serial)
-        self.badge.show_state(outcome_kind(run), run_outcome(run))
+        self.badge.show_state(outcome_kind(run), run_text(run))
         lines = []
         if result is not None and result.verdict.judged:
             failed = result.failed_checks
@@ -209,7 +208,7 @@ class RunDetails(QFrame):
         """Return the reason for the outcome of a run, and whether it can be resumed."""
         result = self._result
         if run.missing:
-            outcome = outcome_text(run.verdict, partial=run.partial and bool(run.stages))
+            outcome = run_outcome(replace(run, missing=False, altered=False, released=False))
             return say("history.missing_partial" if run.partial else "history.missing", outcome=outcome)
         if run.altered:
             altered = "history.altered" if run.log.exists() else "history.altered_without_log"

@@ -12,7 +12,7 @@ from calstation.gui.widgets import Cell, CellTable, box, button, column, enable,
 from calstation.messages import local_time
 from calstation.records import RunRecord
 from calstation.reports import IssuedCertificate, issued_certificates
-from calstation.results import Result, TimedEvent, lacks_log, load_events
+from calstation.results import Result, TimedEvent, lacks_log, load_events, run_outcome
 
 _CERTIFICATES = (
     Cell("history.certificate_number", "number", number=False, hint="file"),
@@ -121,7 +121,7 @@ class RecordView(JobView):
         run = self._run
         if run is None:
             return
-        self._title.setText(f"{run.serial}  ·  {local_time(run.started_utc, zone=True)}")
+        self._title.setText(f"{run.serial}  ·  {local_time(run.started_utc, zone=True)}  ·  {say(run_outcome(run))}")
         there = run.log.exists()
         self.certificate_button.refuse(say("history.log_gone") if lacks_log(run) else "")
         no_events = "history.log_without_events" if there else "history.log_missing"

@@ -16,11 +16,11 @@ from PySide6.QtCore import (
 from PySide6.QtGui import QColor, QIcon, QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
-from calstation.gui.text import KINDS, duration_text, on_language_change, outcome_text, product_text, say, term
+from calstation.gui.text import KINDS, duration_text, on_language_change, product_text, say, term
 from calstation.gui.widgets import plain_tip, state_colour, state_icon, theme
 from calstation.messages import local_time
 from calstation.records import LATEST_FIRST, RunOrder, RunRecord
-from calstation.results import lacks_log
+from calstation.results import lacks_log, run_outcome
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class _Column:
 
 
 _COLUMNS = (
-    _Column("history.outcome", "verdict", lambda run: run_outcome(run)),
+    _Column("history.outcome", "verdict", lambda run: run_text(run)),
     _Column("common.serial_number", "serial", lambda run: run.serial),
     _Column("common.started", "started_utc", lambda run: local_time(run.started_utc)),
     _Column("common.product", "product", lambda run: product_text(run.product or "")),
@@ -291,10 +291,9 @@ def stages_text(run: RunRecord) -> str:
     return say("common.comma").join(term("stage", stage) for stage in run.stages)
 
 
-def run_outcome(run: RunRecord) -> str:
+def run_text(run: RunRecord) -> str:
     """Return the outcome of a run, such as ``FAIL (partial)``, whether it is simulated, or only its log is missing."""
-    outcome = outcome_text(run.badge, partial=run.partial and bool(run.stages))
-    outcome = say("history.outcome_simulated", outcome=outcome) if run.simulated else outcome
+    outcome = say(run_outcome(run))
     return say("history.outcome_without_log", outcome=outcome) if lacks_log(run) and not run.missing else outcome
 
 

@@ -6,7 +6,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QWidget
 
 from calstation.errors import InputError
-from calstation.gui.text import KINDS, on_language_change, outcome_text, say
+from calstation.gui.text import KINDS, on_language_change, say
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
     ComparisonTable,
@@ -22,7 +22,7 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import event_text
 from calstation.records import Verdict
-from calstation.results import Resolved, Result, load_run_result, online_difference
+from calstation.results import Resolved, Result, load_run_result, online_difference, run_outcome
 from calstation.results.plots import LogIndex
 
 
@@ -117,9 +117,7 @@ class Comparison(QWidget):
 
     def _online_verdict(self) -> tuple[str, str]:
         if self._online is not None:
-            return KINDS.get(self._online.verdict, "none"), outcome_text(
-                self._online.badge, partial=self._online.partial and bool(self._online.stages)
-            )
+            return KINDS.get(self._online.verdict, "none"), say(run_outcome(self._online))
         if self._beside:
             return "caution", say("logs.log_cut", outcome=self._beside)
         log = self._log_index

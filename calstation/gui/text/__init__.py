@@ -21,7 +21,6 @@ from calstation.gui.text.messages import (
     for_operator,
     offered_products,
     on_language_change,
-    outcome_text,
     product_text,
     rendered,
     say,

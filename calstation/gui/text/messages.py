@@ -78,13 +78,6 @@ def term(family: str, name: str, **values: Any) -> str:
     return rendering.term(family, name, language.current(), **values)
 
 
-def outcome_text(badge: str, *, partial: bool) -> str:
-    """Return the verdict on a run that its badge shows, such as ``FAIL (partial)`` for a `partial` run that failed."""
-    if partial and badge not in ("partial", "released", "missing", "altered", "unconfirmed"):
-        return say("engineer.partial", outcome=badge)
-    return term("badge", badge)
-
-
 def about(kind: str, name: str) -> str:
     """Return what a ``stage``, a ``check`` or a ``column`` of a table is, or "" if the catalogue does not say it."""
     codes = (f"about.{kind}_{name}", f"certificate.{kind}_{name}")

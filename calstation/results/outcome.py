@@ -1,0 +1,20 @@
+"""The outcome of a stored run, which every place that shows one names alike."""
+
+from calstation.messages import Text
+from calstation.records import RunRecord, Verdict
+from calstation.results.result import Result
+
+#: Badges that do not say `partial` as well.
+_WHOLE = ("partial", "released", "missing", "altered", "unconfirmed")
+
+
+def run_outcome(run: RunRecord | Result, *, stages: bool = False) -> Text:
+    """Return the outcome of a stored run, such as ``FAIL (partial), simulated``, with its `stages` if it is partial."""
+    outcome = Text(f"badge.{run.badge}")
+    partial, names = run.partial and bool(run.stages), list(run.stages)
+    if partial and stages and run.badge == Verdict.PARTIAL:
+        outcome = Text.of("engineer.passed_stages", stages=names)
+    elif partial and run.badge not in _WHOLE:
+        values = {"stages": names} if stages else {}
+        outcome = Text("engineer.partial_stages" if stages else "engineer.partial", {"outcome": run.badge, **values})
+    return Text.of("history.outcome_simulated", outcome=outcome) if run.simulated else outcome
