@@ -88,7 +88,9 @@ def load_shared_results(
 def export_shared_runs(
     report: ProgressCallback, station: Path | None, folder: Path, run_filter: RunFilter, target: Path
 ) -> Path:
-    """Job: export runs of all stations. Raises the errors of `fetch_result` and `calstation.results.export_runs`.
+    """Job: update the index, and export runs of all stations.
+
+    Raises the errors of `fetch_result` and `calstation.results.export_runs`.
 
     Parameters
     ----------
@@ -98,8 +100,10 @@ def export_shared_runs(
     run_filter : conditions for the runs
     target : file to write
     """
+    history = History(folder)
+    history.refresh()
     if target.suffix != ".csv":  # CSV rows are in the index
-        _fetch(station, History(folder).runs(run_filter, limit=None))
+        _fetch(station, history.runs(run_filter, limit=None))
     return export_runs(report, folder, run_filter, target)
 
 

@@ -30,7 +30,7 @@ from calstation.records import (
 )
 from calstation.reports.issued_pdf import file_digests
 from calstation.reports.request import default_report_folder, report_folder
-from calstation.results import load_confirmed_result
+from calstation.results import History, load_confirmed_result
 
 #: Maximum number of missing files that are named.
 _MAX_NAMES = 5
@@ -270,11 +270,12 @@ def _missing_runs(folder: Path) -> list[Text]:
 
 
 def _changed_results(folder: Path) -> list[Text]:
-    """Return a fault for every run that the index marks because nothing confirms its result file."""
+    """Return a fault for every run that the index marks, after its update, because nothing confirms its result file."""
     from calstation.records.run_index import FILE, RunIndex  # loads SQLAlchemy
 
     if not (folder / FILE).is_file():
         return []
+    History(folder).refresh()
     faults = []
     for run in RunIndex(folder).records(RunFilter(altered=True), None, 0, LATEST_FIRST):
         if run.origin or run.result is None or run.missing:

@@ -1,5 +1,6 @@
 """The history page on runs whose files were changed, moved or deleted."""
 
+import csv
 import json
 from datetime import timedelta
 from pathlib import Path
@@ -12,6 +13,7 @@ from PySide6.QtWidgets import QLabel
 from pytestqt.qtbot import QtBot
 
 from calstation.config import library
+from calstation.database import export_shared_runs
 from calstation.gui.history import HistoryPage
 from calstation.gui.logs.comparison import Comparison
 from calstation.gui.quality import QualityPage
@@ -27,6 +29,7 @@ from tests.gui.test_history_lists import choose, combo, compare
 from tests.gui.test_history_page import WAIT, button, listed_runs, rows, select_row, write_run
 from tests.gui.test_quality_page import click_tab
 from tests.gui.test_run_record import press_record
+from tests.helpers import ignore_progress
 
 pytestmark = pytest.mark.timeout(120)
 folder, page = base.folder, base.page
@@ -338,6 +341,28 @@ def test_verification_of_the_site_names_runs_with_changed_results(
     assert [each.code for each in faults] == ["result.altered", "result.altered_without_log"]
     assert [each.values["file"] for each in faults] == [logged, alone]
     assert ("its log is missing" if code == "en" else "数据记录缺失") in say(faults[1])
+    language.use("en")
+
+
+@pytest.mark.parametrize(("code", "said"), [("en", "differs from the result in its log"), ("zh_CN", "被改动")])
+def test_result_that_was_changed_while_the_window_is_open_is_found_by_verification_and_export(
+    page: HistoryPage, folder: Path, tmp_path: Path, qtbot: QtBot, code: str, said: str
+) -> None:
+    language.use(code)
+    path = write_run(folder, "SN-000001", "failed", timedelta(hours=1), bias=5.0)
+    write_log(path)
+    listed_runs(page, qtbot)
+    edit(path)
+    target = export_shared_runs(ignore_progress, None, folder, RunFilter(), tmp_path / "runs.csv")
+    (row,) = csv.DictReader(target.read_text("utf-8-sig").splitlines())
+    assert row["result_changed"] == "1"
+    again = write_run(folder, "SN-000002", "failed", timedelta(hours=2), bias=5.0)
+    write_log(again)
+    list_again(page, qtbot)
+    edit(again)
+    faults = read_verified_trail(ignore_progress, None, folder).faults
+    assert [each.values["file"] for each in faults if each.code == "result.altered"] == [path, again]
+    assert said in say(faults[-1])
     language.use("en")
 
 
