@@ -383,6 +383,12 @@ def test_release_that_the_audit_trail_does_not_record_is_named(
     assert unrecorded in reason
     assert "B0002" in reason
     assert "forged" not in reason
+    assert ("The outcome is FAIL" if code == "en" else "结论仍为“不合格”") in reason
+    assert ("First keep a copy of the file and find out" if code == "en" else "请先保留该文件的副本") in reason
+    choose(page, "outcome", say("badge.failed"))
+    qtbot.waitUntil(lambda: rows(page) == [("SN-000001", say("badge.altered"))], timeout=WAIT)
+    choose(page, "outcome", say("badge.passed"))
+    qtbot.waitUntil(lambda: rows(page) == [], timeout=WAIT)
     (fault,) = read_verified_trail(lambda *_, **__: None, None, folder).faults
     assert say(fault) in reason
     assert unrecorded in say(fault)

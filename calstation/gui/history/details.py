@@ -197,12 +197,18 @@ class RunDetails(QFrame):
         if run is None:
             return
         doubt = "" if run.missing or run.unconfirmed else say(self._doubt or "")
-        reason = "" if doubt and run.altered else self._reason(run)
+        reason = self._outcome_in_doubt(run) if doubt and run.altered else self._reason(run)
         registers = "" if self._result is None else advice.register_state(self._result, run.log.parent)
         registers = registers[:1].upper() + registers[1:]
         texts = doubt, *advice.result_notes(self._result), reason, registers, advice.figures_note(self._result)
         show_text(self.reason_label, "\n".join(filter(None, texts)))
         self._update_buttons(run)
+
+    def _outcome_in_doubt(self, run: RunRecord) -> str:
+        """Return the outcome of a run without its unrecorded release; "" if the log is in doubt."""
+        if self._doubt is None or self._doubt.code != "result.release_unknown":
+            return ""
+        return say("history.without_release", outcome=run_outcome(replace(run, altered=False)))
 
     def _reason(self, run: RunRecord) -> str:
         """Return the reason for the outcome of a run, and whether it can be resumed."""

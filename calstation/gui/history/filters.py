@@ -15,6 +15,8 @@ from calstation.records import RunChoices, RunFilter
 
 #: Choices of the runs whose result file differs from the log, or whose files are missing, which a verdict excludes.
 _ALTERED, _MISSING = "altered", "missing"
+#: Outcomes that also list the runs whose result file was changed: a FAIL remains one, but a PASS is in doubt.
+_ALSO_ALTERED = ("", _MISSING, "failed")
 #: Verdicts that can be selected; "" for all.
 _VERDICTS = {
     "": "history.every_outcome",
@@ -86,7 +88,7 @@ class Filters(QWidget):
         return RunFilter(
             search=self.search_edit.text().strip(),
             verdict="" if verdict in (_ALTERED, _MISSING) else verdict,
-            altered=verdict == _ALTERED if verdict not in ("", _MISSING) else None,
+            altered=verdict == _ALTERED if verdict not in _ALSO_ALTERED else None,
             missing=verdict == _MISSING if verdict else None,
             product=self._product.currentData() or "",
             station=self._station.currentData() or "",
