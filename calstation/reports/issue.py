@@ -70,6 +70,7 @@ class IssueState:
         solved
     changes : what has changed since, so that it cannot be printed again
     pdf : PDF of the last certificate in the language of the request; None if it is missing
+    simulated : whether the run was simulated, but the station has hardware
     """
 
     request: ReportRequest
@@ -77,6 +78,7 @@ class IssueState:
     last: IssuedReport | None = None
     changes: tuple[Change, ...] = ()
     pdf: IssuedPdf | None = None
+    simulated: bool = False
 
 
 def issue_state(report: ProgressCallback, result_file: Path, station: Path | None, language: Language) -> IssueState:
@@ -94,7 +96,7 @@ def issue_state(report: ProgressCallback, result_file: Path, station: Path | Non
     if files is not None:
         required = confirmation_required("revision" if issued else "certificate", *files)
     if not issued:
-        return IssueState(request, required)
+        return IssueState(request, required, simulated=log.meta.is_simulated and config.bench is None)
     result, log = load_source(report, request.source)
     changes = _changes(result, log.meta, request.templates, issued)
     (pdf,) = find_pdfs(request.out, [issued[-1].identification], [request.language])

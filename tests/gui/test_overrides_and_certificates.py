@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pypdf
 import pytest
+import tomli_w
 from PySide6.QtCore import QUrl
 from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QLabel, QLineEdit, QPushButton, QTableView
@@ -18,7 +19,7 @@ from calstation.records import AuditEvent, Verdict, audit_path, read_audit
 from calstation.results import load_result
 from calstation.sequencer import Finalized, StateChanged
 from tests.gui.conftest import RESULT, SERIAL, Operator
-from tests.site_folder import ONE_STAGE
+from tests.site_folder import ONE_STAGE, STATION
 
 pytestmark = pytest.mark.timeout(240)
 ENGINEERS = {"badge_pattern": r"B\d{4}", "engineers": ["B0001", "B0002"]}
@@ -335,6 +336,33 @@ def test_revision_is_issued_only_by_an_engineer_with_a_pin(operator: Operator) -
     table = operator.widget("certificates_table", QTableView)
     operator.until(lambda: table.model().rowCount() == 2)
     assert [table.model().index(row, 3).data() for row in range(2)] == ["B0003 (not authenticated)", "B0001"]
+
+
+@pytest.mark.long
+def test_certificate_of_a_simulated_run_is_asked_about_at_a_station_with_hardware(operator: Operator) -> None:
+    use(operator, {})
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    operator.until(lambda: operator.verdict)
+    operator.until_ended()
+    devices = {"table": {"profile": "bench", "port": "tcp://127.0.0.1:9"}, "imu": {"port": "socket://127.0.0.1:9"}}
+    operator.site_folder.station.write_text(tomli_w.dumps({**STATION, **devices}), encoding="utf-8")
+    operator.window.app.set_station(operator.site_folder.station)
+    operator.window.show_page("history_page")
+    operator.until(lambda: operator.widget("history_certificate_button").isVisible())
+    operator.press("history_certificate_button")
+    operator.until(lambda: "This run is simulated: issue a certificate?" in operator.says())
+    operator.window.app.set_language("zh_CN")
+    assert "没有标定任何产品" in operator.says()
+    operator.window.app.set_language("en")
+    operator.press("certificate_close_button")
+    assert not [each for each in events_of(operator) if each.event == "certificate"]
+    operator.press("history_certificate_button")
+    operator.until(lambda: "This run is simulated" in operator.says())
+    operator.press("certificate_simulated_button")
+    operator.until(lambda: "The certificate was issued" in operator.says())
+    (event,) = [each for each in events_of(operator) if each.event == "certificate"]
+    assert event.values["simulated"] is True
 
 
 @pytest.mark.long

@@ -265,7 +265,17 @@ class CertificateButton(_IssueButton):
         self.setVisible(result is not None and result_file is not None and bool(result.parameters))
 
     def _begin(self, state: IssueState) -> None:
-        """Issue the certificate, or show the certificate that has been issued."""
+        """Issue the certificate, after a question if the run is simulated, or show the one that has been issued."""
+        if state.simulated:
+            issue = Choice("certificate_simulated_button", "operator.issue_simulated", partial(self._issue_new, state))
+            close = Choice("certificate_close_button", "common.close", self._then, primary=True)
+            title, about = "operator.ask_certificate_simulated", "operator.about_certificate_simulated"
+            self._notice.ask("caution", title, about, (issue, close))
+        else:
+            self._issue_new(state)
+
+    def _issue_new(self, state: IssueState) -> None:
+        """Issue the certificate, after asking for two people if required, or show the one that has been issued."""
         if state.last is None and state.required.second:
             self._ask_people("operator.ask_certificate", state)
         elif state.last is None or (state.pdf is None and not state.changes):
