@@ -15,8 +15,6 @@ from calstation.physics import INDEX, parameter_vector
 from calstation.records import InstrumentSection, RunFilter, RunRecord, Verdict, covariance_from
 from calstation.results import History, Result
 
-#: Reason why production is refused: no run has passed, the last passed run is too old, the last run failed or differed
-#: from the reference, the result of the last run was altered, or an instrument's calibration is overdue.
 #: Why production is refused: no run of a check standard has passed, or the next is overdue; its last run failed a limit
 #: or a check of the product, is out of agreement with the reference, or its result was altered; or a certificate.
 Reason = Literal["never", "overdue", "failed", "out", "altered", "certificate"]
