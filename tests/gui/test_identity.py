@@ -164,6 +164,32 @@ def test_sign_out_of_the_operator_locks_the_engineer_role(operator: Operator) ->
     assert app.person == ""
 
 
+@pytest.mark.parametrize("badges", [True, False])
+def test_lock_signs_out_the_engineer_whom_unlocking_has_signed_in(operator: Operator, badges: bool) -> None:
+    if badges:
+        sign_in_station(operator.site_folder)
+    app = operator.window.app
+    app.set_station(operator.site_folder.station)
+    person, name = ("B1234", "Li Na") if badges else ("Li Na", "Li Na")
+    unlock(operator, person)
+    assert (app.role.engineer, app.person) == (True, name)
+    assert operator.widget("operator_edit", QLineEdit).text() == name
+    operator.press("role_button")
+    assert (app.role.engineer, app.person, app.operator) == (False, "", None)
+    assert operator.widget("operator_edit", QLineEdit).text() == ""
+
+
+def test_lock_keeps_an_operator_who_had_signed_in_before(operator: Operator) -> None:
+    sign_in_station(operator.site_folder)
+    app = operator.window.app
+    app.set_station(operator.site_folder.station)
+    operator.scan("B1234")
+    unlock(operator, None)
+    assert app.role.engineer
+    operator.press("role_button")
+    assert (app.role.engineer, app.person, app.badge) == (False, "Li Na", "B1234")
+
+
 def test_engineer_role_is_locked_only_while_nobody_works(
     window: MainWindow, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:

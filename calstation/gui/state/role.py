@@ -120,6 +120,7 @@ class RolePanel(QFrame):
         self.setAutoFillBackground(True)
         self._role = role
         self._error_text = ""
+        self._signed_in = ""  #: Name or badge of the person whom unlocking has signed in.
         self._title, self._text = label(kind="section"), label(wrap=True)
         self._error = label(kind="error", wrap=True)
         self._person_edit, self.pin_edit, self._again_edit = QLineEdit(), QLineEdit(), QLineEdit()
@@ -148,6 +149,7 @@ class RolePanel(QFrame):
         self._timer = QTimer(self, interval=250)
         self._timer.timeout.connect(self._show_wait)
         role.pin_requested.connect(self.open)
+        role.changed.connect(self._role_changed)
         bind(self._again_edit.setPlaceholderText, "window.same_again")
         on_language_change(self, self._refresh)
         self.hide()
@@ -256,6 +258,13 @@ class RolePanel(QFrame):
         self.hide()
         if person not in (self._app.badge, self._app.person if self._app.operator else None):
             self._app.identified.emit(person)
+            self._signed_in = person
+
+    def _role_changed(self, role: str) -> None:
+        """Sign out, with the engineer role, the person whom unlocking it has signed in."""
+        person, self._signed_in = self._signed_in, "" if role == "operator" else self._signed_in
+        if role == "operator" and person and person in (self._app.badge, self._app.operator):
+            self._app.identified.emit("")
 
     def _person_hint(self) -> str:
         return say("operator.scan_badge" if self._app.badge or self._app.badge_required else "window.your_name")

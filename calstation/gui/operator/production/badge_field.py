@@ -80,11 +80,18 @@ class BadgeField(QWidget):
             self.edit.setPlaceholderText(self._placeholder())
 
     def identify(self, entered: str) -> None:
-        """Sign in the operator with a badge or, at a station without badges, show a name."""
+        """Sign in the operator with a badge or, at a station without badges, show a name.
+
+        For "", sign out the operator, unless the field is locked.
+        """
+        if not entered and self._locked:
+            return
         if self._section is None:
             self.edit.setText(entered)
-        else:
+        elif entered:
             self.sign_in(entered)
+        else:
+            self.sign_out()
 
     def sign_in(self, badge: str) -> None:
         """Sign in the operator with a badge in place of the previous operator."""
