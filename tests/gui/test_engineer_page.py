@@ -268,8 +268,8 @@ def test_changed_schedule_is_not_a_partial_calibration(engineer: Engineer) -> No
 @pytest.mark.parametrize(
     ("code", "title", "stages"),
     [
-        ("en", "Not the product's own schedule", "page: Rate. “Whole"),
-        ("zh_CN", "不是这个产品自己的流程参数", "设定：速率。"),
+        ("en", "Not the product's own schedule", "only: Rate. “Whole"),
+        ("zh_CN", "不是这个产品自己的流程参数", "有效：速率。"),
     ],
 )
 def test_notice_of_a_changed_schedule_names_only_the_changed_stages(
@@ -316,6 +316,46 @@ def test_operator_page_blames_a_wrong_schedule_instead_of_station_and_product(
     assert engineer.page.choice.form.valid
     assert title not in engineer.says()
     app.set_language("en")
+
+
+def test_changed_schedule_is_marked_on_the_operator_page_and_applies_to_one_run(engineer: Engineer) -> None:
+    """Its notice, which is dismissed by the next serial number, is not the only mark."""
+    engineer.unlock()
+    engineer.type("schedule_rate_dwell_s", "6.5")
+    engineer.window.show_page("operator_page")
+    assert "As set on the Engineer page, for the next run only: Rate" in engineer.says()
+    engineer.scan(SERIAL)
+    assert "Not the product's own schedule" not in engineer.says()
+    mark = engineer.widget("partial_label", QLabel)
+    for code, said in (("zh_CN", "流程参数已更改：速率"), ("en", "Changed schedule: Rate")):
+        language.use(code)
+        assert mark.isVisible()
+        assert mark.text() == said
+    engineer.press("start_button")
+    engineer.until(engineer.in_a_stage)
+    assert mark.text() == "Changed schedule: Rate"
+    engineer.press("stop_button")
+    engineer.until_ended()
+    assert engineer.window.app.schedule is None
+    assert engineer.page.choice.schedule == {}
+    engineer.scan("SN-000044")
+    assert not mark.isVisible()
+    engineer.window.show_page("engineer_page")
+    assert engineer.widget("schedule_rate_dwell_s", QLineEdit).text() != "6.5"
+    assert "Selection and changed schedule apply to one run only." in engineer.says()
+
+
+@pytest.mark.long
+def test_question_about_an_unverified_transfer_outlasts_the_end_of_a_changed_schedule(engineer: Engineer) -> None:
+    engineer.unlock()
+    engineer.type("schedule_rate_dwell_s", "6.5")
+    engineer.press("engineer_start_button")
+    engineer.until(lambda: engineer.run.registers == "verifying")
+    engineer.press("stop_button")
+    engineer.until_ended()
+    assert engineer.window.app.schedule is None
+    engineer.window.show_page("operator_page")
+    assert engineer.widget("restore_choice", QPushButton).isVisible()
 
 
 @pytest.mark.long

@@ -193,7 +193,7 @@ class StageSelector(QWidget):
             theme.GRID,
             self._single,
             self._list,
-            label("engineer.parts_hold_once", "muted"),
+            label("engineer.parts_hold_once", "muted", wrap=True),
             on=self,
             spacing=0,
         )

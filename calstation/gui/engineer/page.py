@@ -205,7 +205,7 @@ class EngineerPage(Page):
         self._update()
 
     def _running_changed(self, running: bool) -> None:
-        """Show a run live; after it, clear the serial number, restore the product's stages, and show its remarks."""
+        """Show a run live; after it, clear the serial number, restore the product's choice, and show its remarks."""
         self._start_dialog.drop()
         if running and not self.app.run.register_operation:
             self._last_log = ""
@@ -217,9 +217,7 @@ class EngineerPage(Page):
             self.analysis.refresh()
         if not running and self.app.engine_link.operation is None:
             self._header.serial_edit.clear()
-            options = self._options
-            if options is not None and options.offered and self.choice.selector.stages != options.stages:
-                self.choice.selector.offer(options.offered, options.stages)
+            self._restore_product()  # also a selection without stages, which is no choice for a run
             for name, values in self.app.run.unit.remarks:
                 if name in ("certificate_waits", "certificate_not_made", "table_moved"):
                     self.notice.ask("caution", event_text(name, values), "")

@@ -80,7 +80,7 @@ class OperatorPage(Page):
         self._products: list[tuple[str, Path]] = []
         self._station = ""  #: Station file whose product has been selected.
         self.header: RunHeader = RunHeader(app.run)
-        self._stages = StageList(app.run)
+        self._stages = StageList(app)
         self.closing, self.notice = NoticeBar(), NoticeBar("operator_notice")
         self._documents = NoticeBar("documents_notice")  #: It replaces no question about a run.
         self._unprinted = UnprintedNotice(app, "unprinted_notice", self.await_scan)

@@ -5,7 +5,7 @@ from typing import cast
 from PySide6.QtCore import QSize, Qt
 from PySide6.QtWidgets import QAbstractItemView, QFrame, QListWidget, QListWidgetItem
 
-from calstation.gui.state import EndStageButton, RunStatus, StageState, stage_rows
+from calstation.gui.state import AppContext, EndStageButton, StageState, stage_rows
 from calstation.gui.text import about, duration_text, on_language_change, say, term
 from calstation.gui.widgets import (
     PANEL,
@@ -69,10 +69,11 @@ class _Row(QFrame):
 class StageList(QFrame):
     """The list of stages, with the remaining time below it."""
 
-    def __init__(self, run: RunStatus) -> None:
+    def __init__(self, app: AppContext) -> None:
         super().__init__()
         self.setProperty("kind", "panel")
-        self._run = run
+        self._app, self._run = app, app.run
+        run = app.run
         self.setFixedWidth(38 * theme.GRID)
         self._next_run: RunSummary | None = None
         title = label("common.stages", "section")
@@ -153,7 +154,7 @@ class StageList(QFrame):
         return "" if pace is None else duration_text(self._run.stage_remaining(stage) / pace)
 
     def _show_totals(self, stages: list[StageState], planning: bool) -> None:
-        """Show the total or remaining time, and the stages that a partial run omits."""
+        """Show the total or remaining time, the stages that a partial run omits, and those with a changed schedule."""
         time = note = ""
         if planning and stages:
             total = duration_text(sum(stage.duration for stage in stages))
@@ -164,8 +165,11 @@ class StageList(QFrame):
             time = say("common.time_left", time=duration_text(remaining))
         summary = self._next_run if planning else self._run.run_summary
         omitted = () if summary is None else summary.omitted
-        partial = say("operator.partial_without", stages=omitted) if omitted else ""
-        for widget, text in ((self._remaining, time), (self._partial, partial), (self._note, note)):
+        chosen = [say("operator.partial_without", stages=omitted)] if omitted else []
+        request = self._app if planning else self._app.engine_link.request
+        if request is not None and request.schedule:
+            chosen.append(say("operator.schedule_changed", stages=tuple(request.schedule)))
+        for widget, text in ((self._remaining, time), (self._partial, "\n".join(chosen)), (self._note, note)):
             show_text(widget, text)
 
 

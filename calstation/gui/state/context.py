@@ -72,6 +72,7 @@ class AppContext(QObject):
         self.exchange_state: ExchangeState | None = None
         #: Serial numbers of the units that are claimed in the shared database, with their operators.
         self.claimed: Mapping[str, str | None] = {}
+        self.engine_link.running_changed.connect(self._end_choice)  # before a page asks about the run
         self.run.stop_incomplete_changed.connect(self._store_stop_incomplete)
         self.station_changed.connect(self._restore_stop_incomplete)
         self._restore_stop_incomplete()
@@ -167,10 +168,15 @@ class AppContext(QObject):
             self.product_changed.emit()
 
     def choose(self, stages: tuple[str, ...] | None, schedule: Mapping[str, Mapping[str, Any]] | None) -> None:
-        """Select the stages of the next runs and the changes to their schedules, or None for those of the product."""
+        """Select the stages of the next run and the changes to their schedules, or None for those of the product."""
         if (stages, schedule) != (self.stages, self.schedule):
             self.stages, self.schedule = stages, schedule
             self.choice_changed.emit()
+
+    def _end_choice(self, running: bool) -> None:
+        """Return to the stages and the schedule of the product after a run."""
+        if not running and self.engine_link.operation is None:
+            self.choose(None, None)
 
     def set_runs_folder(self, folder: Path) -> None:
         """Use another folder for logs and results."""
