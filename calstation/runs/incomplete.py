@@ -124,8 +124,10 @@ def _store(log: Log, result: Mapping[str, Any]) -> None:
 
 
 def close_incomplete_job(progress: ProgressCallback, logs: Sequence[Path], operator: str | None) -> list[Path]:
-    """Job: close runs that will not be resumed, and return their result files."""
+    """Job: close runs that will not be resumed, update the history, and return their result files."""
     results = [close_incomplete(log, operator) for log in logs]
+    for folder in {log.parent for log in logs}:
+        History(folder).refresh()
     progress(1.0)
     return results
 

@@ -241,7 +241,7 @@ class Continuation:
         if being_written(path):
             raise ConfigurationError("run.still_running", path=path)
         completed = Completed.of(log)
-        _check_not_continued(log)
+        _check_open(log)
         if registers_written(log.meta, path.parent):
             raise ConfigurationError("run.registers_changed", log=path.name)
         if log.meta.imu.serial != request.serial:
@@ -397,16 +397,22 @@ class Continuation:
             raise InputError("run.solved_differently", path=self.log.path, stage=solution.stage)
 
 
-def _check_not_continued(log: Log) -> None:
-    """Raise ConfigurationError if another run has completed this one, since the unit may have changed after it."""
+def _check_open(log: Log) -> None:
+    """Raise ConfigurationError if the run, or one that continued it, was closed, or if another run has completed it.
+
+    The unit may have changed since.
+    """
     history = History(log.path.parent)
     history.refresh()
     names = {log.path.name}
     for run in reversed(history.of(log.meta.imu.serial)):
-        if run.resumed_from in names:
+        continues = run.resumed_from in names
+        if continues:
             names.add(run.log.name)
-            if run.verdict.judged:
-                raise ConfigurationError("run.continued_elsewhere", path=log.path, log=run.log.name)
+        if run.log.name in names and run.closed:
+            raise ConfigurationError("run.closed", path=log.path)
+        if continues and run.verdict.judged:
+            raise ConfigurationError("run.continued_elsewhere", path=log.path, log=run.log.name)
 
 
 def _check_station(log: Log, here: StationConfig) -> None:

@@ -1,5 +1,6 @@
 """Scans into any widget, incompatible products and old verdicts; runs consist of emitted events without an engine."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -1184,3 +1185,28 @@ def test_refused_scan_hides_no_preparation_step(simulated_run: Operator, width: 
     simulated_run.qtbot.wait(100)
     (steps,) = (each for each in window.findChildren(Preparation) if each.isVisible())
     assert steps.visibleRegion().boundingRect() == steps.rect()
+
+
+@pytest.mark.parametrize(
+    ("language", "kept", "closed"),
+    [("en", "are kept", "The run was closed as incomplete"), ("zh_CN", "可以接着做", "标定已经结束，记为未完成")],
+)
+def test_run_closed_by_its_operator_is_shown_as_closed_and_not_resumed(
+    simulated_run: Operator, language: str, kept: str, closed: str
+) -> None:
+    operator, app = simulated_run, simulated_run.window.app
+    app.set_language(language)
+    log = write_dead_log(app.runs_folder, SERIAL, station="test bench", batch=None)
+    finish_incomplete(app.runs_folder)
+    History(app.runs_folder).refresh()
+    file = log.with_suffix(".json")
+    app.engine_link.event.emit(Finalized(Verdict.INCOMPLETE, str(log), str(file), json.loads(file.read_text("utf-8"))))
+    app.engine_link.running_changed.emit(False)
+    operator.until(lambda: operator.window.findChild(QPushButton, "close_incomplete_job_choice") is not None)
+    assert kept in operator.message
+    operator.press("close_incomplete_job_choice")
+    operator.until(lambda: closed in operator.message)
+    assert kept not in operator.says()
+    operator.scan(SERIAL)
+    assert operator.window.findChild(QPushButton, "resume_choice") is None
+    assert operator.widget("start_button").isEnabled()

@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,8 +17,8 @@ from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.records import open_log
 from calstation.results import History, load_finished_run, resolve
 from calstation.runs import Engine, execute, find_resumable, finish_incomplete
-from calstation.runs.incomplete import close_incomplete
-from calstation.runs.resume import Continuation
+from calstation.runs.incomplete import close_incomplete, close_incomplete_job
+from calstation.runs.resume import Continuation, resumable_run
 from calstation.sequencer import Command, Control, Event, Finalized, Message, StageSolved, StageStarted, StepStarted
 from tests.helpers import raises_code
 from tests.shared_runs import SharedRuns
@@ -305,6 +306,19 @@ def test_closed_run_is_no_longer_offered(site_folder: SiteFolder, before: Finali
     assert closed["closed_by"] == "li"
     assert {k: v for k, v in closed.items() if not k.startswith("closed")} == before.result
     assert find_resumable(ignore_progress, site_folder.folder / "runs") == []
+
+
+def test_closed_run_is_not_resumed_even_if_its_log_is_named(site_folder: SiteFolder, before: Finalized) -> None:
+    log = Path(before.log)
+    Continuation.of(site_folder.request(*STAGES), log)
+    History(log.parent).refresh()
+    (result,) = close_incomplete_job(ignore_progress, (log,), "li")
+    assert result == log.with_suffix(".json")
+    assert resumable_run(History(log.parent), "SN-000042", "test bench") is None  # a scan asks the index as it is
+    with raises_code(ConfigurationError, "run.closed"):
+        Continuation.of(site_folder.request(*STAGES), log)
+    with raises_code(ConfigurationError, "run.closed"):
+        execute(replace(site_folder.request(), resume=log, stages=None), site_folder.events.append, Control())
 
 
 @pytest.mark.long

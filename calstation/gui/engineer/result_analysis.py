@@ -75,7 +75,7 @@ class ResultAnalysis(QObject):
         self._computed = self.innovations, self.residuals
         #: The views in order: parameters, innovations, residuals, observability.
         self.views: tuple[QWidget, ...] = (self.result, *self._computed, self.observability)
-        app.released.connect(self._released)
+        app.result_changed.connect(self._released)
         self._diagnosing.failed.connect(lambda error: self._diagnosis_failed(error.as_text))
 
     def create_views(self) -> None:

@@ -53,7 +53,7 @@ class HistoryPage(Page):
         self._refresher = self.job(refresh_history, self._show_refreshed, failure=unread)
         self._resumable_finder = self.job(find_resumable, self._show_resumable, failure=unread)
         self._closer = self.job(
-            close_incomplete_job, self._show_closed, failure="common.run_not_closed", failed=self._show_closed
+            close_incomplete_job, self._closed, failure="common.run_not_closed", failed=self._show_closed
         )
         self._loader = self.job(load_shared_results, self._show_comparison, failure="history.runs_not_compared")
         self._logs = self.job(fetch_log, app.open_log.emit, failure="history.log_not_opened")
@@ -185,7 +185,7 @@ class HistoryPage(Page):
         self.exports.watch.busy_changed.connect(self.notice.dismiss)
         app.engine_link.event.connect(self._handle_event)
         app.runs_folder_changed.connect(self._list_visible)
-        app.released.connect(lambda _: self._list_visible())
+        app.result_changed.connect(lambda _: self._list_visible())
         app.engine_link.running_changed.connect(lambda _: self._update())
         finder = QShortcut(QKeySequence.StandardKey.Find, self, self._filters.search_edit.setFocus)
         finder.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
@@ -265,6 +265,11 @@ class HistoryPage(Page):
     def _show_resumable(self, offers: list[Resumable]) -> None:
         self._resumable = frozenset(offer.log for offer in offers)
         self._update()
+
+    def _closed(self, results: list[Path]) -> None:
+        for result in results:
+            self.app.result_changed.emit(result)
+        self._show_closed(results)
 
     def _show_closed(self, _: object) -> None:
         self._update()

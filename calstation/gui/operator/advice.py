@@ -160,6 +160,8 @@ def _action(outcome: str, result: Result | None) -> str:
         return advised
     if outcome == "failed":
         return "repeat_in_full" if result is not None and result.ended_by_hand else "repeat"
+    if result is not None and result.closed_utc is not None:
+        return "closed"
     if result is None or advised != "resume":
         return "begin_again"
     return "resume" if result.solved_stages else "resume_temperatures"  # those of its first stage

@@ -44,7 +44,7 @@ class InterruptedRuns(QObject):
         #: Units of the interrupted runs that were found last.
         self.serials: frozenset[str] = frozenset()
         self._search = app.job(self, find_interrupted, self._search_done, failed=self._search_failed)
-        self._closing = app.job(self, close_incomplete_job)
+        self._closing = app.job(self, close_incomplete_job, self._closed)
         self._recovering = False  #: Whether `recover` has been called.
         self._first = False  #: Whether the first search after it has not ended.
         #: Start of the run that left the chamber at an unknown temperature; "" for none.
@@ -191,3 +191,7 @@ class InterruptedRuns(QObject):
             return
         self._closing.start(interrupted.logs, self._app.person or None)
         self._offer(others)
+
+    def _closed(self, results: list[Path]) -> None:
+        for result in results:
+            self._app.result_changed.emit(result)

@@ -175,7 +175,7 @@ class VerdictPanel(QFrame):
             spacing=theme.GRID,
             margins=(2 * theme.GRID,) * 4,
         )
-        app.released.connect(self._released)
+        app.result_changed.connect(self._result_changed)
         app.role.changed.connect(self._refresh)
         theme.on_appearance_change(self, self._refresh)
 
@@ -302,12 +302,13 @@ class VerdictPanel(QFrame):
     def _fault_text(self, fault: Fault) -> Rendered:
         return fault_text(fault, engineer=self._app.role.engineer)
 
-    def _released(self, path: Path) -> None:
-        """Show that the displayed unit has been released."""
-        if self._finalized is not None and path.absolute() == Path(self._finalized.result_file).absolute():
-            with suppress(InputError):
-                self._run.unit.result = load_run_result(path)
-            self._refresh()
+    def _result_changed(self, path: Path) -> None:
+        """Show that a unit of the run has been released, or that its run has been closed."""
+        for unit in self._run.units:
+            if unit.finalized is not None and path.absolute() == Path(unit.finalized.result_file).absolute():
+                with suppress(InputError):
+                    unit.result = load_run_result(path)
+                self._run.changed.emit()
 
     def _table_request(self) -> LinkTestRequest | None:
         """Return the request for the table of the last run.

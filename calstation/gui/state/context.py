@@ -38,7 +38,8 @@ class AppContext(QObject):
     open_log = Signal(object)
     open_run = Signal(object)
     resume_run = Signal(object)
-    released = Signal(object)  #: Result file of a failed unit that has been released.
+    #: Result file that has changed: its failed unit was released, or its incomplete run was closed.
+    result_changed = Signal(object)
     labels_printed = Signal(list)  #: Serial numbers of the units whose labels have been printed.
     page_requested = Signal(str)  #: Object name of the page to show.
     watch_requested = Signal()  #: Emitted to show the live monitoring of the IMUs on one body.

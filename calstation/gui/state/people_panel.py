@@ -143,7 +143,7 @@ class PeoplePanel(QFrame):
 
 
 class ReleaseBar(QWidget):
-    """A bar that releases the unit of a failed run, and emits `AppContext.released` after the release."""
+    """A bar that releases the unit of a failed run, and emits `AppContext.result_changed` after the release."""
 
     def __init__(self, app: AppContext, name: str) -> None:
         super().__init__()
@@ -186,7 +186,7 @@ class ReleaseBar(QWidget):
     def _released(self, _: object) -> None:
         self._panel.hide()
         self.hide()
-        self._app.released.emit(self._path)
+        self._app.result_changed.emit(self._path)
 
     def _refuse(self, error: CalstationError) -> None:
         show_text(self._error, say(error.as_text))

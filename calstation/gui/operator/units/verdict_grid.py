@@ -168,9 +168,9 @@ class VerdictGrid(QFrame):
         if any(unit.unverified for unit in self._run.units):
             return say("advice.decide_registers_units")
         unfinished = [unit for unit in self._run.units if unit.unfinished]  # also after a fault of the table
-        if unfinished and self._run.resumable:
-            one = len(unfinished) == 1
-            return say("advice.resume_unit", serial=unfinished[0].serial) if one else say("advice.resume_units")
+        kept = [unit for unit in unfinished if unit.result is None or unit.result.closed_utc is None]
+        if kept and self._run.resumable:
+            return say("advice.resume_unit", serial=kept[0].serial) if len(kept) == 1 else say("advice.resume_units")
         if unfinished and len(unfinished) == len(self._run.units):
             return say("advice.same_units")
         if not (unfinished or self._failed):
