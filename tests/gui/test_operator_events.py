@@ -994,6 +994,27 @@ def test_a_fault_while_registers_are_written_asks_about_them(
     assert (request.serial, request.unfinished, request.resume) == (SERIAL, "finish", None)
 
 
+@pytest.mark.parametrize(
+    ("language", "reminder"), [("en", f"Registers not verified: {SERIAL}"), ("zh_CN", f"寄存器尚未验证：{SERIAL}")]
+)
+def test_scan_of_another_unit_reminds_of_the_one_left_with_unverified_registers(
+    simulated_run: Operator, language: str, reminder: str
+) -> None:
+    link, app = simulated_run.window.app.engine_link, simulated_run.window.app
+    app.set_language(language)
+    write_open_transfer(app.runs_folder, SERIAL, *WRITTEN)
+    link.event.emit(StateChanged("running", "preparing"))
+    link.event.emit(Fault.of(DeviceFaultError("imu.answer_not_framed", port="socket://10.0.0.7:4001", seconds=5.0)))
+    end_run(simulated_run, "fault", advice="repeat")
+    simulated_run.press("acknowledge_button")
+    simulated_run.until(lambda: simulated_run.window.findChild(QPushButton, "restore_choice") is not None)
+    simulated_run.scan("SN-000043")
+    assert reminder in simulated_run.says()
+    simulated_run.scan(SERIAL)
+    assert reminder not in simulated_run.says()
+    assert simulated_run.widget("restore_choice").isVisible()
+
+
 WARNING = {"en": "The table may still move", "zh_CN": "转台可能仍在动"}
 
 

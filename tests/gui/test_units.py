@@ -36,7 +36,7 @@ from tests.check_rows import check_row
 from tests.database.result_files import write_result
 from tests.dead_logs import write_dead_log
 from tests.gui.conftest import RESULT, Operator
-from tests.open_transfers import write_open_transfer
+from tests.open_transfers import WRITTEN, write_open_transfer
 from tests.site_folder import STATION
 
 #: A unit that does not answer.
@@ -641,6 +641,40 @@ def test_stop_ends_all_units(operator: Operator) -> None:
     assert "accepted" in tile(operator, "slot_1_tile").accessibleName()
     operator.until_no_job()
     assert operator.window.findChild(QPushButton, "resume_choice") is None
+
+
+@pytest.mark.parametrize(
+    ("language", "advised", "asked"),
+    [
+        ("en", "choose to verify them", "New registers are written, but not verified: SN-000001, SN-000002"),
+        ("zh_CN", "请选择验证新值或恢复原值", "新寄存器已写入，但尚未验证：SN-000001、SN-000002"),
+    ],
+)
+def test_batch_stopped_in_the_verification_is_asked_about_its_registers(
+    operator: Operator, started: list[RunRequest], language: str, advised: str, asked: str
+) -> None:
+    """The tiles advise the choice that is offered, also after one of them was opened."""
+    use_slots(operator, 2)
+    operator.window.app.set_language(language)
+    begin(operator)
+    link = operator.window.app.engine_link
+    for slot in ("1", "2"):
+        write_open_transfer(operator.site_folder.runs, f"SN-00000{slot}", *WRITTEN)
+        link.event.emit(Message("transfer_unproved", slot=slot))
+    operator.press("stop_button")
+    link.event.emit(StateChanged("stopped", "stopping"))
+    for slot in ("1", "2"):
+        end_unit(operator, slot, "stopped", advice="repeat")
+    link._end()
+    operator.until(lambda: asked in operator.says())
+    assert advised in operator.message
+    click(operator, "unit_1_verdict")
+    operator.press("all_units_button")
+    assert asked in operator.says()
+    assert not operator.widget("start_button").isEnabled()
+    operator.press("restore_choice")
+    (request,) = started
+    assert (request.serials, request.unfinished) == (("SN-000001", "SN-000002"), "restore")
 
 
 @pytest.mark.long

@@ -297,17 +297,11 @@ class OperatorPage(Page):
 
     def _offer_after_fault(self) -> None:
         """Offer what remains to do after a fault, once its chamber is at ambient or has been looked at."""
-        run, request = self.app.run, self.app.engine_link.request
+        run = self.app.run
         if not self._offer_due or self.app.engine_link.running or run.chamber.must_stay_closed or run.stop_incomplete:
             return
         self._offer_due = False
-        # START asks about those units of a batch that are offered again together
-        ended = [unit.serial for unit in run.units if not (unit.slot and unit.unfinished)]
-        undecided = next(filter(self._starting.has_open_transfer, ended), None)
-        if undecided is not None and request is not None:
-            self._starting.ask_transfer(request, undecided)
-        else:
-            self._starting.offer_unfinished()
+        self._starting.offer_unfinished()
 
     def _stop_pressed(self) -> None:
         run = self.app.run
@@ -454,6 +448,8 @@ class OperatorPage(Page):
         else:
             if self.notice.offers("restore_choice"):
                 self.notice.dismiss()
+                if self.app.run.state in (Verdict.STOPPED, Verdict.INCOMPLETE):
+                    self._starting.offer_unfinished()  # the question may have been about all units
             self._verdicts.focus_unit()
 
     def _ask_transfer(self) -> None:

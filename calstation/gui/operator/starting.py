@@ -128,9 +128,17 @@ class RunStarter(QObject):
             self._header.focus_scan()
 
     def offer_unfinished(self) -> None:
-        """After an incomplete run, offer to resume it, or else to calibrate its units in slots again."""
-        units = [unit for unit in self._app.run.units if unit.unfinished]
-        if units:
+        """After a run, ask about its units with unverified registers.
+
+        Without such units, offer to resume an incomplete run, or else to calibrate its units in slots again.
+        """
+        run, request = self._app.run, self._app.engine_link.request
+        units = [unit for unit in run.units if unit.unfinished]
+        undecided = [unit for unit in run.units if self.has_open_transfer(unit.serial)]
+        if undecided and request is not None:
+            apart = [unit for unit in undecided if unit not in units][:1]
+            self.ask_transfer(request, *(unit.serial for unit in apart or units))
+        elif units:
             again = partial(self._offer_again, units) if self._app.run.in_slots else (lambda: None)
             self.interrupted.offer([unit.serial for unit in units], otherwise=again)
 
@@ -183,11 +191,20 @@ class RunStarter(QObject):
         self._signal(accepted=accepted)
         if accepted and self._app.run.fault is not None:
             ask(self._notice, "caution", Text("operator.fault_below"), {})
+        elif accepted and self._notice.isHidden():
+            self._remind()
         summary = self.run_summary
         if summary is None or not accepted or self.slots or header.badge_field.required:
             return
         if not self._app.run.reading_runs and self._interrupted(header.serial, summary.station):
             self.start()
+
+    def _remind(self) -> None:
+        """Say that units of the last run are left with unverified registers, if other units are scanned."""
+        scanned = self._header.serial, *self.slots.units
+        left = [unit.serial for unit in self._app.run.units if unit.serial not in scanned]
+        if undecided := list(filter(self.has_open_transfer, left)):
+            ask(self._notice, "caution", Text.of("question.registers_left", serials=undecided), {})
 
     def _interrupted(self, serial: str, station: str) -> bool:
         """Return whether START asks about an interrupted run of a unit, or about its registers."""
@@ -338,11 +355,11 @@ class RunStarter(QObject):
             self._request(units[0], app.product_path, app.stages, serials=self.slots.serials, schedule=app.schedule)
         )
 
-    def ask_transfer(self, request: RunRequest, serial: str) -> None:
-        """Ask whether to undo or finish an open transfer, then start a run of this unit only from its first stage."""
-        slots = tuple(other if other == serial else "" for other in request.serials)
-        self._header.set_serial("" if self.slots else serial)  # instead of a suggested unit
-        anew = replace(request, serial=serial, serials=slots, batch=None, resume=None, resumes=(), unfinished=None)
+    def ask_transfer(self, request: RunRequest, *serials: str) -> None:
+        """Ask whether to undo or finish open transfers, then start a run of these units only from its first stage."""
+        slots = tuple(serial if serial in serials else "" for serial in request.serials)
+        self._header.set_serial("" if self.slots else serials[0])  # instead of a suggested unit
+        anew = replace(request, serial=serials[0], serials=slots, batch=None, resume=None, resumes=(), unfinished=None)
         self.dialog.begin(anew)
 
     def _resume(self, interrupted: Interrupted) -> None:
