@@ -342,8 +342,8 @@ def _record(
     ConfigurationError : if the audit trail or the record was changed, or cannot be written.
     """
     folder, result = log.path.absolute().parent, certificate.result
-    values = {"serial": result.serial, "certificate": certificate.identification, "verdict": certificate.verdict}
-    values |= {"simulated": True} if log.meta.is_simulated else {}
+    values: dict[str, Any] = {"serial": result.serial, "certificate": certificate.identification}
+    values |= {"verdict": certificate.verdict, **({"simulated": True} if log.meta.is_simulated else {})}
     values |= {"log_sha256": result.log.sha256, **audit_values(record)}
     try:
         with report_file(folder).locked():
