@@ -215,7 +215,7 @@ def test_log_without_stages_says_what_solves_it(
 @pytest.mark.long
 def test_same_log_gives_a_bit_identical_result(page: OfflinePage, run_log: Path, qtbot: QtBot) -> None:
     opened(page, run_log, qtbot)
-    assert page.comparison.online_badge.text() == "PARTIAL"
+    assert page.comparison.online_badge.text() == "PARTIAL, simulated"
     assert "–" in set(cells(page, "offline").values())
     solve(page, qtbot)
     assert page.comparison.difference_badge.text() == "Identical bit for bit"
