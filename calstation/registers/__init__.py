@@ -15,7 +15,14 @@ from calstation.registers.journal import Purpose, Transfer, journal_folder
 from calstation.registers.operation import moves_table, run_operation
 from calstation.registers.preconditions import check_flash, check_interrupted
 from calstation.registers.run_registers import RunRegisters, run_registers, unit_transfer
-from calstation.registers.unit_registers import Register, TargetRegisters, UnitRegisters, read_unit, target_registers
+from calstation.registers.unit_registers import (
+    Register,
+    TargetRegisters,
+    UnitRegisters,
+    ranges_of,
+    read_unit,
+    target_registers,
+)
 from calstation.registers.verification import (
     AppliedRegisters,
     close_checked,

@@ -54,7 +54,8 @@ class RunRegisters:
         if self._restored:
             yield Text("registers.restored")
         if self.later is not None:
-            yield Text.of("registers.written_again", time=self.later.utc)
+            verified = self.later.closing is not None
+            yield Text.of("registers.replaced" if verified else "registers.replaced_unverified", time=self.later.utc)
 
     @property
     def _restored(self) -> bool:

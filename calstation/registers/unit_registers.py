@@ -1,6 +1,6 @@
 """Registers of a unit: values read from the unit in the fixture, and values required by a result."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -158,3 +158,14 @@ def unit_registers(
 
 def _rows(entries: RegisterMap, values: Mapping[str, float]) -> tuple[Register, ...]:
     return tuple(Register(address, name, values[name], raw) for address, name, raw in entries.stored(values))
+
+
+def ranges_of(addresses: Iterable[int]) -> str:
+    """Return register addresses as a list of ranges, such as ``3–5, 9``."""
+    ranges: list[list[int]] = []
+    for address in sorted(addresses):
+        if ranges and address == ranges[-1][1] + 1:
+            ranges[-1][1] = address
+        else:
+            ranges.append([address, address])
+    return ", ".join(f"{a}" if a == b else f"{a}–{b}" for a, b in ranges)

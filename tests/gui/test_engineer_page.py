@@ -1340,10 +1340,37 @@ def test_partial_run_shows_its_stages_and_when_registers_were_written(engineer: 
     record_transfer(engineer, "hand", "older.h5", {"gyro_scale_x": 0.0, "gyro_scale_y": 0.0})
     engineer.page.analysis.open(path)
     engineer.until(lambda: "no longer in the unit" in engineer.says())
-    assert "written again 20" in engineer.says()
+    assert "replaced by other values 20" in engineer.says()
     assert "In the unit" not in engineer.cells("register_table")["gyro_scale_x"]
     engineer.show_view(1)
-    assert "written again 20" in engineer.says()
+    assert "replaced by other values 20" in engineer.says()
+
+
+@pytest.mark.parametrize(
+    ("code", "stated", "refused"),
+    [
+        ("en", "replaced by other values 20", "The result is of a unit of product"),
+        ("zh_CN", "被其他数值替换，尚未验证", "该结果的产品型号是"),
+    ],
+)
+def test_registers_replaced_by_other_values_are_stated_also_while_another_product_is_selected(
+    engineer: Engineer, code: str, stated: str, refused: str
+) -> None:
+    row = {"value": 1e-4, "sigma": 1e-6, "unit": "1", "stage": "rate"}
+    values = {"old": {"gyro_scale_x": 0.0}, "new": {"gyro_scale_x": 1e-4}, "verified": True}
+    log = str(engineer.site_folder.runs / "passed.h5")
+    run = finished_run({"gyro_scale_x": row}, log={"file": log}, registers=values, product="other")
+    record_transfer(engineer, "run", "passed.h5", values["new"])
+    record_transfer(engineer, "run", "stopped.h5", {"gyro_scale_x": 2e-4}, None)
+    path = engineer.site_folder.folder / "x.json"
+    path.write_text(json.dumps(run.result.to_json()), encoding="utf-8")
+    language.use(code)
+    engineer.page.analysis.open(path)
+    engineer.show_view(5)
+    engineer.until(lambda: say("engineer.state_replaced") in engineer.says(), 15.0)
+    assert stated in engineer.says()
+    assert engineer.says().count(refused) == 1
+    assert say("engineer.state_failed") not in engineer.says()
 
 
 def record_transfer(

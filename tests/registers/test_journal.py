@@ -276,7 +276,7 @@ def state(runs: Path, *, verified: bool = True, new: dict[str, float] | None = N
         "registers": {"new": new, **written},
     }
     found = run_registers(Result.from_json(result), runs)
-    return "" if found is None else ", ".join(re.sub(r" \d{4}-.*", "", sentence(text)) for text in found.texts)
+    return "" if found is None else ", ".join(re.sub(r" \d{4}-[^,]*", "", sentence(text)) for text in found.texts)
 
 
 def test_journal_says_whether_the_registers_of_a_run_are_still_in_the_unit(tmp_path: Path) -> None:
@@ -287,9 +287,13 @@ def test_journal_says_whether_the_registers_of_a_run_are_still_in_the_unit(tmp_p
     journal.begin(tmp_path, "SN-1", OLD, NEW, journal.Purpose("wang", "hand", "c.h5")).close(Closing.KEPT)
     assert state(tmp_path) == "registers written", "the later transfers were reverted"
     write(tmp_path, {"gyro_bias_x": 2.0}, "b.h5")
-    assert state(tmp_path) == "registers written, written again"
+    assert state(tmp_path) == "registers written, replaced by other values"
     write(tmp_path, {"gyro_bias_x": 1.0}, "a.h5 by hand")
     assert state(tmp_path) == "registers written", "they are in the unit again"
+    made = write(tmp_path, {"gyro_bias_x": 3.0}, "d.h5", None)
+    assert state(tmp_path) == "registers written, replaced by other values, NOT verified"
+    made.close(Closing.DONE)
+    assert state(tmp_path) == "registers written, replaced by other values"
 
 
 def test_registers_that_a_run_did_not_verify_are_stated_until_the_transfer_ends(tmp_path: Path) -> None:

@@ -46,6 +46,7 @@ from calstation.registers import (
     TargetRegisters,
     Transfer,
     UnitRegisters,
+    ranges_of,
     read_unit,
     run_registers,
     target_registers,
@@ -288,8 +289,9 @@ class RegistersView(QWidget):
         self._refresh()
 
     def _refuse_target(self, error: CalstationError) -> None:
-        self._why_no_target = error.as_text
-        self._show_failure(error)
+        self._why_no_target, self._progress = error.as_text, ""
+        self._refresh()
+        self.changed.emit()
 
     def _show_failure(self, error: CalstationError) -> None:
         self._show_error(error.as_text)
@@ -381,7 +383,11 @@ class RegistersView(QWidget):
         request = replace(self._request(), serial=result.serial)
         write = RegisterOperation(request, "write", dict(target.values), log)
         changes, count = self._changes(), len(target.registers)
-        values = {"changes": len(changes), "addresses": self._addresses(changes), "commits": unit.commits + 1}
+        values = {
+            "changes": len(changes),
+            "addresses": ranges_of(map(self._address, changes)),
+            "commits": unit.commits + 1,
+        }
         values["engineer"] = self._request().operator or ""
 
         def text() -> str:
@@ -431,22 +437,11 @@ class RegistersView(QWidget):
         code = "engineer.later_run" if latest.why == "run" else "engineer.later_write"
         return Text.of(code, serial=result.serial, time=latest.utc)
 
-    def _addresses(self, names: list[str]) -> str:
-        """Return the addresses of parameters as a list of ranges, such as ``3–5, 9``."""
-        ranges: list[list[int]] = []
-        for address in sorted(self._address(name) for name in names):
-            if ranges and address == ranges[-1][1] + 1:
-                ranges[-1][1] = address
-            else:
-                ranges.append([address, address])
-        return ", ".join(f"{a}" if a == b else f"{a}–{b}" for a, b in ranges)
-
     def _show_reason(self) -> None:
         """Show the reason for a disabled button below it, because touch screens show no tooltips; show it only once."""
         self._reason.setText(self._why_not)
-        self._reason.setVisible(
-            self._why_not not in ("", self._about.text()) and not self.watch.busy and not self._progress
-        )
+        shown = not self._why_not or self._why_not in self._about.text()
+        self._reason.setVisible(not (shown or self.watch.busy or self._progress))
 
     def _refresh(self) -> None:
         busy = self.watch.busy
@@ -463,6 +458,11 @@ class RegistersView(QWidget):
         self._about.setText(say(self._error or self._progress or self._sentences))
         self._show_reason()
 
+    @property
+    def _stated(self) -> RunRegisters | None:
+        """Registers that the run wrote; None while the target registers are computed, or if it wrote none."""
+        return self._wrote if self.target is not None or self._why_no_target else None
+
     def _state(self) -> tuple[str, str]:
         """Return the shape of the badge and the key of its text; both are "" if there is no badge."""
         if self._progress:
@@ -471,10 +471,10 @@ class RegistersView(QWidget):
             return "bad", "failed"
         if self._verification:
             return "good", "verified"
-        wrote, written = self._wrote, self._wrote is not None and self.target is not None
-        if self._interrupted or (wrote is not None and written and not (wrote.verified or wrote.replaced)):
+        wrote = self._stated
+        if self._interrupted or (wrote is not None and not (wrote.verified or wrote.replaced)):
             return "caution", "unverified"
-        if self.unit is None and wrote is not None and written:
+        if self.unit is None and wrote is not None:
             return ("caution", "replaced") if wrote.replaced else ("good", "written")
         if self.unit is not None and self._new:
             return ("caution", "differ") if self._changes() else ("good", "equal")
@@ -483,9 +483,11 @@ class RegistersView(QWidget):
     def _sentences(self) -> str:
         """Return what is known about the registers of the unit."""
         texts = [say(f"engineer.verified_{self._verification}")] if self._verification else []
-        if self._wrote is not None and self.target is not None:
-            wrote = say("engineer.run_wrote", what=self._wrote.texts)
+        if self._stated is not None:
+            wrote = say("engineer.run_wrote", what=self._stated.texts)
             texts.append(wrote[0].upper() + wrote[1:])
+        if self._why_no_target:
+            texts.append(say(self._why_no_target))
         unit = self.unit
         if unit is not None:
             values = {"model": unit.model, "firmware": unit.firmware, "commits": unit.commits}
