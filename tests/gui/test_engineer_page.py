@@ -27,7 +27,15 @@ from PySide6.QtWidgets import (
 )
 from pytestqt.qtbot import QtBot
 
-from calstation.config import RunRequest, access, library, load_configuration, schedule_options, versions
+from calstation.config import (
+    RegisterOperation,
+    RunRequest,
+    access,
+    library,
+    load_configuration,
+    schedule_options,
+    versions,
+)
 from calstation.devices.imu import Closing, Step
 from calstation.gui.engineer import EngineerPage
 from calstation.gui.engineer.observability_view import HeatMap
@@ -53,6 +61,7 @@ from calstation.records import audit_path, open_log, read_audit
 from calstation.registers import journal as register_journal
 from calstation.results import SCHEMA, FinishedRun, Parameter, Preview, Result, StagePreview
 from calstation.runs import run_summary
+from calstation.sequencer import Settled
 from tests.check_rows import check_row
 from tests.gui.conftest import SERIAL, Operator, SiteFolder
 from tests.site_folder import PRODUCT
@@ -1296,11 +1305,33 @@ def test_stop_ends_the_verification_motion_after_a_write(engineer: Engineer) -> 
     engineer.press("write_registers_button")
     assert "Verify the new registers of unit SN-000042, or restore the old ones?" in engineer.says()
     assert engineer.widget("restore_registers_button", QPushButton).isVisible()
+    for code, said in (("zh_CN", "“静止验证”和“恢复”不转动转台"), ("en", "“Verify at rest” and “Restore” do not move")):
+        language.use(code)
+        assert said in engineer.says()
+    assert "before and after the write" not in engineer.says()
     engineer.press("confirm_at_rest_button")
     engineer.until(lambda: "Verified at rest" in engineer.says())
     engineer.until_ended()
     assert register_journal.interrupted(engineer.site_folder.runs, SERIAL) is None
     assert engineer.widget("write_registers_button", QPushButton).text() == "Write to the unit"
+
+
+@pytest.mark.parametrize(("code", "said"), [("en", "old registers restored"), ("zh_CN", "已恢复原有寄存器")])
+def test_restored_registers_are_not_shown_as_those_of_the_result(engineer: Engineer, code: str, said: str) -> None:
+    row = {"value": 1e-4, "sigma": 1e-6, "unit": "1", "stage": "rate"}
+    engineer.window.app.role.unlock("246813")
+    view = engineer.page.registers
+    view.show_run(finished_run({"gyro_scale_x": row}))
+    engineer.until(lambda: view.target is not None)
+    language.use(code)
+    engineer.show_view(5)
+    register = {"parameter": "gyro_scale_x", "address": 12, "value": 0.0, "raw": "0"}
+    unit = {"serial": SERIAL, "model": "m", "firmware": "1", "registers": [register], "commits": 2, "virtual": True}
+    view._operation = RegisterOperation(engineer.page._request(), "restore")
+    view._show_end(Settled(SERIAL, "restored", "rest", unit))
+    assert said in engineer.says()
+    assert say("engineer.state_verified") not in engineer.says()
+    assert say("engineer.verified_rest") in engineer.says()
 
 
 @pytest.mark.long

@@ -88,8 +88,8 @@ class RegistersView(QWidget):
         self._operation: RegisterOperation | None = None
         #: Latest event of the current write that is in `_INCOMPLETE`; "" if there is none.
         self._incomplete = ""
-        #: How the current write was verified; "" if it was not. See `Settled.proof`.
-        self._verification = ""
+        #: End of the last operation, while the registers that it left are displayed; None without one.
+        self._settled: Settled | None = None
         self._old: dict[str, Register] = {}
         self._new: dict[str, Register] = {}
         self._why_not = ""
@@ -147,7 +147,7 @@ class RegistersView(QWidget):
         """Disable reading and writing for the given reasons; an empty reason enables the action."""
         enable(self._read_button, read)
         enable(self._write_button, write)
-        self._why_not = "" if self._verification or read else write
+        self._why_not = "" if self._settled is not None or read else write
         self._show_reason()
         if write:
             self._notice.dismiss()
@@ -184,7 +184,7 @@ class RegistersView(QWidget):
         if self._operation is not None:
             return
         self._is_outdated = True
-        self.unit, self._verification, self._error = None, "", ""
+        self.unit, self._settled, self._error = None, None, ""
         if self._run is not None:
             self.show_run(self._run)
         else:
@@ -257,7 +257,7 @@ class RegistersView(QWidget):
         if isinstance(event, Fault):
             self._show_error(lambda: fault_text(event).sentences)
         elif event.closing != "stopped":
-            self._show_unit(UnitRegisters.of(event.unit), event.proof)
+            self._show_unit(UnitRegisters.of(event.unit), event)
         else:
             self._show_error(event_text(self._incomplete, {}) if self._incomplete else "engineer.write_stopped")
 
@@ -265,7 +265,7 @@ class RegistersView(QWidget):
 
     def _show_target(self, target: TargetRegisters | None) -> None:
         self.target = target
-        self._verification = self._error = self._why_no_target = ""
+        self._settled, self._error, self._why_no_target = None, "", ""
         if target is None or self.unit is None or self.unit.serial != target.serial:
             self.unit = None
         self._fill()
@@ -279,8 +279,8 @@ class RegistersView(QWidget):
         else:
             self._show_unit(outcome)
 
-    def _show_unit(self, unit: UnitRegisters, verification: str = "") -> None:
-        self.unit, self._verification = unit, verification
+    def _show_unit(self, unit: UnitRegisters, settled: Settled | None = None) -> None:
+        self.unit, self._settled = unit, settled
         self._error = self._progress = ""
         self._fill()
 
@@ -391,7 +391,7 @@ class RegistersView(QWidget):
         values["engineer"] = self._request().operator or ""
 
         def text() -> str:
-            return f"{say('engineer.about_write', **values)}\n{self._about_verification()}"
+            return f"{say('engineer.about_write', **values)}\n{self._about_verification('verify')}"
 
         choices = self._choices(write, "write", Text.of("engineer.write_registers", count=count))
         passed, later = result.verdict == "passed", self._later(result)
@@ -410,8 +410,8 @@ class RegistersView(QWidget):
         restore = RegisterOperation(request, "restore", at_rest=True)
         choices = self._choices(RegisterOperation(request, "finish"), "finish", "engineer.finish")
         revert = Choice("restore_registers_button", "engineer.restore", lambda: self._confirm(restore))
-        title = Text.of("engineer.ask_finish", serial=serial)
-        self._notice.ask("caution", title, self._about_verification, [choices[0], revert, *choices[1:]])
+        title, about = Text.of("engineer.ask_finish", serial=serial), partial(self._about_verification, "finish")
+        self._notice.ask("caution", title, about, [choices[0], revert, *choices[1:]])
 
     def _choices(self, operation: RegisterOperation, code: str, by_hand: Words) -> list[Choice]:
         """Return the choices of a question: cancel, or start an operation, with and without motion of the table."""
@@ -426,8 +426,8 @@ class RegistersView(QWidget):
             Choice("confirm_write_button", f"engineer.{code}_and_turn", turn),
         ]
 
-    def _about_verification(self) -> str:
-        return say("engineer.verify_by_turns" if self.table else "engineer.verify_at_rest", table=self.table)
+    def _about_verification(self, what: str) -> str:
+        return say(f"engineer.about_{what}_{'by_turns' if self.table else 'at_rest'}", table=self.table)
 
     def _later(self, result: Result) -> Text | None:
         """Return that the registers of the unit are later than a result, or None if they are not."""
@@ -469,8 +469,8 @@ class RegistersView(QWidget):
             return "active", "writing"
         if self._error:
             return "bad", "failed"
-        if self._verification:
-            return "good", "verified"
+        if self._settled is not None:
+            return ("good", "verified") if self._settled.closing == "done" else ("caution", "restored")
         wrote = self._stated
         if self._interrupted or (wrote is not None and not (wrote.verified or wrote.replaced)):
             return "caution", "unverified"
@@ -482,7 +482,8 @@ class RegistersView(QWidget):
 
     def _sentences(self) -> str:
         """Return what is known about the registers of the unit."""
-        texts = [say(f"engineer.verified_{self._verification}")] if self._verification else []
+        proof = "" if self._settled is None else self._settled.proof
+        texts = [say(f"engineer.verified_{proof}")] if proof else []
         if self._stated is not None:
             wrote = say("engineer.run_wrote", what=self._stated.texts)
             texts.append(wrote[0].upper() + wrote[1:])
