@@ -365,6 +365,9 @@ def test_question_about_an_unverified_transfer_outlasts_the_end_of_a_changed_sch
     assert engineer.window.app.schedule is None
     engineer.window.show_page("operator_page")
     assert engineer.widget("restore_choice", QPushButton).isVisible()
+    for code, place in (("zh_CN", "工程师页的“寄存器”"), ("en", "Engineer page, Registers")):
+        engineer.window.app.set_language(code)
+        assert place in engineer.message
 
 
 @pytest.mark.long
