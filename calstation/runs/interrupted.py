@@ -1,6 +1,6 @@
 """Interrupted runs that can be resumed together: the run of a unit, or the runs of the units of a batch."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -207,9 +207,7 @@ def _of_batch(history: History, batch: str, station: str | None) -> Iterator[Int
     for serial in units:
         if serial in {run.serial for run in pending}:
             continue
-        record = next((record for record in records if record.serial == serial), None)
-        reason = "nothing_completed" if record is None else as_resumable(record)
-        reasons.append((serial, reason if isinstance(reason, str) else "repeated"))
+        reasons.append((serial, _reason(history, serial, records)))
     pending.sort(key=lambda run: (run.completed.amount, -units.index(run.serial)), reverse=True)
     every = {run.serial for run in pending}
     while pending:
@@ -218,6 +216,17 @@ def _of_batch(history: History, batch: str, station: str | None) -> Iterator[Int
         apart = [(serial, "separately") for serial in units if serial in every - serials]
         yield Interrupted(tuple(sorted(together, key=lambda run: units.index(run.serial))), (*reasons, *apart))
         pending = [run for run in pending if run.serial not in serials]
+
+
+def _reason(history: History, serial: str, batch: Sequence[RunRecord]) -> str:
+    """Return why a unit of a batch is not resumed: the end of its runs since, or else what its run completed."""
+    begun = min(record.started_utc for record in batch)
+    for run in history.of(serial):
+        if run.started_utc >= begun and (run.verdict.judged or run.closed):
+            return "closed" if run.closed else "judged"
+    record = next((record for record in batch if record.serial == serial), None)
+    reason = "nothing_completed" if record is None else as_resumable(record)
+    return reason if isinstance(reason, str) else "repeated"
 
 
 def _ended_with(run: Resumable, further: Resumable) -> bool:

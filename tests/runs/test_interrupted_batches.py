@@ -1,5 +1,6 @@
 """Interrupted runs of a batch are resumed together, in their slots, after what all of them have completed."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import timedelta
@@ -74,6 +75,20 @@ def test_units_that_did_not_get_as_far_are_named(site_folder: SiteFolder) -> Non
     site_folder.write(units=3)
     write_batch(site_folder, {"1": 2, "2": 1, "3": 0})
     assert offered(site_folder) == [(list(SERIALS[:2]), {SERIALS[2]: "nothing_completed"})]
+
+
+def test_units_that_passed_since_have_this_reason(site_folder: SiteFolder) -> None:
+    """Whatever their runs in the batch had completed."""
+    site_folder.write(units=3)
+    write_batch(site_folder, {"1": 0, "2": 2, "3": 1})
+    for serial in SERIALS[:2]:
+        log = write_dead_log(site_folder.runs, serial, 2, hours_ago=0.5, station=STATION)
+        finish_incomplete(site_folder.runs)
+        file = log.with_suffix(".json")
+        file.write_text(json.dumps({**json.loads(file.read_text("utf-8")), "outcome": "passed"}), "utf-8")
+        log.unlink()
+    History(site_folder.runs).refresh()
+    assert offered(site_folder) == [([SERIALS[2]], dict.fromkeys(SERIALS[:2], "judged"))]
 
 
 UNIT = SERIALS[0]
