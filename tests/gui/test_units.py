@@ -677,6 +677,34 @@ def test_batch_stopped_in_the_verification_is_asked_about_its_registers(
     assert (request.serials, request.unfinished) == (("SN-000001", "SN-000002"), "restore")
 
 
+@pytest.mark.parametrize(
+    ("language", "mounted"),
+    [("en", "Still mounted: SN-000001, SN-000003;"), ("zh_CN", "仍在转台上：SN-000001、SN-000003；")],
+)
+def test_units_that_stay_mounted_are_named_after_the_repetition_of_another(
+    operator: Operator, language: str, mounted: str
+) -> None:
+    use_slots(operator, 3)
+    operator.window.app.set_language(language)
+    begin(operator)
+    link = operator.window.app.engine_link
+    end_unit(operator, "2", "failed", **FAILED)
+    operator.press("stop_button")
+    link.event.emit(StateChanged("stopped", "stopping"))
+    for slot in ("1", "3"):
+        end_unit(operator, slot, "stopped", advice="resume", stages=["rate"])
+    link._end()
+    operator.until(lambda: operator.window.findChild(QPushButton, "same_units_choice") is not None)
+    operator.press("cancel_choice")
+    operator.press("again_button")
+    assert serials(operator) == ("", "SN-000002", "")
+    begin(operator)
+    end_unit(operator, "2", "passed")
+    link._end()
+    operator.until(lambda: operator.run.state == "passed")
+    operator.until(lambda: mounted in operator.message)
+
+
 @pytest.mark.long
 def test_units_finished_before_a_stop_are_not_offered_again(operator: Operator) -> None:
     use_slots(operator, 2)

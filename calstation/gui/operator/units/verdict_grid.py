@@ -174,9 +174,17 @@ class VerdictGrid(QFrame):
         if unfinished and len(unfinished) == len(self._run.units):
             return say("advice.same_units")
         if not (unfinished or self._failed):
-            return say("advice.next_units")
+            mounted = self._mounted
+            return say("advice.units_mounted", serials=mounted) if mounted else say("advice.next_units")
         leaves = any(self._run.final_state_of(unit) in LEAVING for unit in self._run.units)
         return say("advice.mixed_units" if leaves else "advice.failed_units")
+
+    @property
+    def _mounted(self) -> list[str]:
+        """The units of earlier runs that are still in other slots and have not passed."""
+        used = {unit.slot for unit in self._run.units}
+        last = self._slots.last_units
+        return [serial for slot, (serial, state) in last.items() if slot not in used and state not in LEAVING]
 
     @property
     def _failed(self) -> list[UnitStatus]:
