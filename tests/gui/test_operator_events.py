@@ -939,7 +939,7 @@ def test_a_stop_while_unloading_shows_the_verdict_with_a_note(
 @pytest.mark.parametrize(
     ("language", "advised", "asked"),
     [
-        ("en", "The new registers are not verified: choose", f"The new registers of {SERIAL} are written, but not"),
+        ("en", "The new registers are not verified: calibrate", f"The new registers of {SERIAL} are written, but not"),
         ("zh_CN", "新寄存器尚未验证：请选择", f"{SERIAL} 的新寄存器已写入，但尚未验证"),
     ],
 )
