@@ -186,7 +186,7 @@ def test_figures_of_a_result_name_the_temperature_of_the_worst_value(result: Res
 def test_history_shows_the_curves_of_a_run(operator: Operator, result: Result, qtbot: QtBot) -> None:
     app, notice = operator.window.app, NoticeBar()
     view = RunDetails(
-        LabelButton(app, "label", notice, lambda: None),
+        LabelButton(app, "label", notice, lambda: None, unprinted=operator.window.operator_page._unprinted),
         CertificateButton(app, "certificate", notice, lambda: None),
         ReleaseBar(app, "release"),
     )

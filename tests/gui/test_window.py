@@ -109,6 +109,7 @@ def test_first_pin_is_set_and_a_wrong_pin_refused(window: MainWindow, qtbot: QtB
 
     press(lock)
     assert not again.isVisible()
+    qtbot.keyClicks(window.findChild(QLineEdit, "role_person_edit"), "wang")  # the lock has signed out
     qtbot.keyClicks(pin, "111111")
     qtbot.keyClick(pin, Qt.Key.Key_Return)
     assert not role.engineer
