@@ -143,6 +143,7 @@ class Engineer(Operator):
 
     def check_disabled(self) -> None:
         """Assert that a run disables its settings and that their tooltips give the reason."""
+        self.until(lambda: self.run.in_progress)
         for name in ("engineer_start_button", "read_registers_button", "write_registers_button"):
             assert "in progress" in self.why_not(name)
         for name in ("stage_check_rate", "schedule_six_position_dwell_s"):
