@@ -404,8 +404,6 @@ class OperatorPage(Page):
             return say("operator.fault_below")
         if why_not := run.why_no_run(engineer=self.app.role.engineer):
             return why_not
-        if run.unreset is not None:
-            return fault_text(run.unreset, engineer=self.app.role.engineer).remedy
         if header.badge_field.required:
             return say("operator.sign_in")
         if starting.asking:
