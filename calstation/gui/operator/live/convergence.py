@@ -150,21 +150,25 @@ class Convergence(QFrame):
     def _refresh(self) -> None:
         c = theme.colours()
         self._plot.setLabel("bottom", say("operator.axis_time"))
-        self._title.setText(say(f"operator.sigma_over_{self._goal}"))
+        self._title.setText(say(self._goal[0]))
         self._target.setPen(theme.pen(c.text, 1, Qt.PenStyle.DashLine))
         for line in self.lines.values():
             line.curve.setPen(theme.pen(c.muted, 1))
         self._label_lines()
 
     @property
-    def _goal(self) -> str:
-        """Suffix of the catalogue entries about what the sigmas of the displayed unit are to reach."""
+    def _goal(self) -> tuple[str, str]:
+        """Codes of the title of the plot and of what the sigmas of the displayed unit are to reach."""
         own = {line.own for line in self.lines.values()}
-        return "target_or_limit" if len(own) > 1 else "target" if True in own else "limit"
+        if len(own) > 1:
+            return "operator.sigma_over_target_or_limit", "operator.target_or_limit"
+        if True in own:
+            return "operator.sigma_over_target", "operator.target"
+        return "operator.sigma_over_limit", "operator.limit"
 
     def _label_lines(self) -> None:
         c = theme.colours()
-        labels = [LineLabel(self._height(1.0), say(f"operator.{self._goal}"), QColor(c.text), bold=True)]
+        labels = [LineLabel(self._height(1.0), say(self._goal[1]), QColor(c.text), bold=True)]
         for group, line in self.lines.items():
             if not line.ratios:
                 continue
