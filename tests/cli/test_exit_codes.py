@@ -92,8 +92,8 @@ def interrupt(folder: Path, name: str, delay: float, number: int) -> None:
         assert float(errors.split()[-1]) < sent + 0.05  # only Python itself had not ended yet
         return
     assert process.returncode == 4, errors
-    assert not list(folder.glob("*imported.h5"))
-    assert not list(folder.glob("*exported.csv"))
+    for written in (*folder.glob("*imported.h5"), *folder.glob("*exported.csv")):  # complete, or nothing
+        assert open_log(written).facts() == open_log(folder / "log.csv").facts()
     for log in (folder / "runs").glob("*.h5"):
         outcome = json.loads(log.with_suffix(".json").read_text(encoding="utf-8"))["outcome"]
         assert (outcome, open_log(log).outcome) == ("stopped", "stopped")
