@@ -1,13 +1,18 @@
 """The process of a command: signals that end it with the exit code of a stop, and standard streams that may fail."""
 
+import _thread
 import atexit
 import io
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, NoReturn
+
+#: Time after which an interruption that Python ignored is repeated, s.
+_REPEAT_AFTER = 0.01
 
 #: Exit code of a command that the operator stopped.
 STOPPED = 4
@@ -29,6 +34,7 @@ class Interruption:
         self.received = False  #: Whether the command was interrupted.
         self._begun = False
         self._handle(self._interrupt)
+        sys.unraisablehook = self._repeat
 
     def command_begins(self) -> None:
         """Raise KeyboardInterrupt after later signals."""
@@ -36,7 +42,7 @@ class Interruption:
 
     def command_completed(self, code: int) -> None:
         """End the process with an exit code at once after later signals, because the result of the command is known."""
-        self._handle(lambda: os._exit(code))
+        self._handle(lambda _: os._exit(code))
 
     def exit(self, code: int) -> NoReturn:
         """End the process with an exit code."""
@@ -45,18 +51,30 @@ class Interruption:
             sys.stdout.flush()
         sys.exit(code)
 
-    def _interrupt(self) -> None:
+    def _interrupt(self, number: int) -> None:
         self.received = True
         if self._begun:
-            raise KeyboardInterrupt
+            raise KeyboardInterrupt(number)
         with suppress(OSError):
             os.write(2, b"calstation: stopped\n")
         os._exit(STOPPED)
 
-    def _handle(self, action: Callable[[], object]) -> None:
+    def _repeat(self, ignored: "sys.UnraisableHookArgs") -> None:
+        """Repeat a KeyboardInterrupt that was raised in a destructor or callback, where Python ignores it.
+
+        The failures of destructors after it are consequences.
+        """
+        if isinstance(ignored.exc_value, KeyboardInterrupt):
+            timer = threading.Timer(_REPEAT_AFTER, _thread.interrupt_main, ignored.exc_value.args)
+            timer.daemon = True
+            timer.start()
+        elif not self.received:
+            sys.__unraisablehook__(ignored)
+
+    def _handle(self, action: Callable[[int], object]) -> None:
         for number in _SIGNALS:
             if signal.getsignal(number) != signal.SIG_IGN:  # nohup ignores SIGHUP
-                signal.signal(number, lambda *_: action())
+                signal.signal(number, lambda received, _: action(received))
 
 
 #: Interruption of this process, if it is that of a command.

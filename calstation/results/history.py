@@ -304,8 +304,9 @@ def _absent_of(measured: Iterable[int], every: Iterable[int]) -> list[tuple[int,
 
     Measured runs are numbered without the simulated ones, but simulated runs after both.
     """
-    last = max(measured := [*measured], default=0)
-    return [*_absent(measured), *(each for each in _absent(every) if each[0] > last)]
+    numbers = [*measured]
+    last = max(numbers, default=0)
+    return [*_absent(numbers), *(each for each in _absent(every) if each[0] > last)]
 
 
 def number_ranges(ranges: Iterable[tuple[int, int]]) -> list[str]:

@@ -155,11 +155,10 @@ def registers_written(meta: LogMeta, runs: Path) -> bool:
 
     The journal in the folder of the runs is that of a virtual unit. A damaged journal says nothing; a start reports it.
     """
-    text = meta.profiles.get("station", "")
-    virtual = not text or "bench" in parse_toml(text)
     if meta.run is not None:
         with suppress(ConfigurationError):
-            return registers_changed(runs if virtual else site_folder(), meta.imu.serial, meta.run.started_utc)
+            folder = runs if meta.is_simulated else site_folder()
+            return registers_changed(folder, meta.imu.serial, meta.run.started_utc)
     return False
 
 

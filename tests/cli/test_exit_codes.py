@@ -43,7 +43,7 @@ COMMANDS: dict[str, Callable[[Path], list[object]]] = {
     "import": lambda folder: ["import", folder / "log.csv", "-o", folder / "imported.h5"],
     "export": lambda folder: ["export", folder / "log.csv", "-o", folder / "exported.csv"],
     "resolve": lambda folder: ["resolve", folder / "log.csv", "--json", "-"],
-    "quality": lambda folder: ["quality", "charts", "--out", folder, "--json", "-"],
+    "quality": lambda folder: ["quality", "--out", folder, "--json", "-"],
     "check": lambda folder: ["check"],
     "run": lambda folder: [
         *("run", "--yes", "--serial", "SN-000042", "--station", folder / "station.toml"),
@@ -127,6 +127,31 @@ def test_interruption_that_python_ignored_starts_no_run(tmp_path: Path, monkeypa
     monkeypatch.setattr(Engine, "start", lambda *_: pytest.fail("a run was started"))
     with pytest.raises(KeyboardInterrupt):
         next(engine_events(SiteFolder(tmp_path).request()))
+
+
+INTERRUPTED_DESTRUCTOR = """
+import os, signal, time
+from calstation.cli.process import prepare
+
+signal.signal(signal.SIGINT, signal.SIG_IGN)  # as in a process in the background
+
+class Interrupted:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(0.1)
+
+prepare().command_begins()
+try:
+    Interrupted()
+    time.sleep(20.0)
+except KeyboardInterrupt:
+    print("stopped")
+"""
+
+
+def test_signal_that_arrives_in_a_destructor_is_not_lost() -> None:
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED_DESTRUCTOR], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "stopped\n", "")
 
 
 def ended(

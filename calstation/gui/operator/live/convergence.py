@@ -178,13 +178,10 @@ class Convergence(QFrame):
             sigma = say("operator.sigma_of", name=term("group", group), value=number, unit=unit)
             text, colour, state = sigma, c.text, ""
             if line.reached:
-                text, colour, state = _reached(line, text), c.good, "good"
+                text = say("operator.target_reached" if line.own else "operator.limit_reached", value=sigma)
+                colour, state = c.good, "good"
             labels.append(LineLabel(self._height(line.ratios[-1]), text, QColor(colour), state))
         self._labels.show_labels(labels)
 
     def _height(self, ratio: float) -> float:
         return float(self._plot.getViewBox().mapViewToScene(pg.Point(0.0, float(np.log10(ratio)))).y())
-
-
-def _reached(line: Line, sigma: str) -> str:
-    return say("operator.target_reached" if line.own else "operator.limit_reached", value=sigma)
