@@ -14,7 +14,7 @@ import pytest
 from calstation.errors import CalstationError
 from calstation.physics import FloatArray, TableGeometry, rotation_vector
 from calstation.records import LogFacts, open_log, write_log
-from calstation.records.raw_log import FORMAT, row_dtype
+from calstation.records.raw.raw_log import FORMAT, row_dtype
 from calstation.schema import EntryError
 
 

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from calstation.records import IssuedReport, append_audit, audit_path, audit_values, reports_head, verify_trail
-from calstation.records.reports import append_report
-from calstation.records.station_key import head_file, key_file
+from calstation.records.evidence.reports import append_report
+from calstation.records.evidence.station_key import head_file, key_file
 
 
 def issue_in_records(

@@ -66,8 +66,8 @@ def test_packages_use_each_other_through_their_faces() -> None:
 
 
 def test_import_past_a_face_is_detected() -> None:
-    past = "from calstation.records.raw_log import RawLogWriter\nfrom calstation.records import meta, Check\n"
-    expected = ["calstation.runs.run -> calstation.records.meta", "calstation.runs.run -> calstation.records.raw_log"]
+    past = "from calstation.records.log import Log\nfrom calstation.records import meta, Check\n"
+    expected = ["calstation.runs.run -> calstation.records.log", "calstation.runs.run -> calstation.records.meta"]
     assert trespasses("calstation.runs.run", ast.parse(past), {}) == expected
     assert trespasses("calstation.records.limits", ast.parse(past), {}) == []
 

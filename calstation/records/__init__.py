@@ -1,34 +1,64 @@
 """Records of runs: raw logs, CSV, their configuration, and the index of runs.
 
-The package contains no solvers and no devices. It has more than 15 modules, one for each format of records.
+The package contains no solvers and no devices. It has more than 15 modules, one for each section of a log's
+configuration, each step from a file to samples, and each table of the index. Its subpackages are the formats of logs,
+and `evidence`.
 """
 
 from typing import TYPE_CHECKING, Any
 
-from calstation.records.audit import (
+from calstation.records.check_id import MODEL_KINDS, CheckId, CheckKind, read_check_ids
+from calstation.records.columns import RecordingMeta
+from calstation.records.convert import Correction, export_corrected, export_csv
+from calstation.records.csv_logs import CSV_SUFFIXES
+from calstation.records.evidence import (
     AUDIT_EVENTS,
+    KEY_VARIABLE,
     AuditEvent,
     AuditEventName,
     AuditTrail,
+    Chain,
+    ChainedFile,
+    DatabaseHead,
+    IssuedReport,
+    OnlineDifference,
+    ResolveRecord,
+    TrailHead,
     TrailState,
     append_audit,
+    append_resolve,
     audit_path,
+    audit_values,
     audit_writer,
+    complete_reports,
     damage_text,
+    database_contradictions,
+    database_heads,
+    find_heads,
+    head_file,
+    intact_trail,
+    is_signed,
+    issued_reports,
+    key_file,
     public_key,
     read_audit,
+    read_reports,
+    read_resolves,
+    recorded_folders,
     recorded_people,
+    report_faults,
+    report_file,
+    reports_head,
+    reports_of_others,
+    resolve_file,
     restart_trail,
     select_audit,
     site_events,
     site_trails,
+    store_database_heads,
+    unrecorded_reports,
     verify_trail,
 )
-from calstation.records.chained_lines import Chain, ChainedFile
-from calstation.records.check_id import MODEL_KINDS, CheckId, CheckKind, read_check_ids
-from calstation.records.columns import RecordingMeta
-from calstation.records.convert import Correction, export_corrected, export_csv
-from calstation.records.csv_log import CSV_SUFFIXES
 from calstation.records.facts import LogFacts
 from calstation.records.files import (
     FILE_MODE,
@@ -93,10 +123,12 @@ from calstation.records.product import (
     TemperatureSection,
     check_limit_names,
 )
-from calstation.records.raw_log import RESERVED_SPACE, SUFFIX, RawLogWriter, write_log
-from calstation.records.raw_read import (
+from calstation.records.raw import (
     END_BY_OPERATOR,
     END_FAILING,
+    RESERVED_SPACE,
+    SUFFIX,
+    RawLogWriter,
     being_written,
     can_be_resumed,
     completed_points,
@@ -106,33 +138,7 @@ from calstation.records.raw_read import (
     stages_ended_by_hand,
     step_labels,
     unsolved_stages,
-)
-from calstation.records.reports import (
-    IssuedReport,
-    audit_values,
-    complete_reports,
-    database_contradictions,
-    intact_trail,
-    issued_reports,
-    read_reports,
-    recorded_folders,
-    report_faults,
-    report_file,
-    reports_head,
-    reports_of_others,
-    unrecorded_reports,
-)
-from calstation.records.resolves import OnlineDifference, ResolveRecord, append_resolve, read_resolves, resolve_file
-from calstation.records.station_key import (
-    KEY_VARIABLE,
-    DatabaseHead,
-    TrailHead,
-    database_heads,
-    find_heads,
-    head_file,
-    is_signed,
-    key_file,
-    store_database_heads,
+    write_log,
 )
 from calstation.records.verdict import Verdict
 

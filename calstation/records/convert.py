@@ -10,8 +10,7 @@ import numpy as np
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
 from calstation.physics import FloatArray
-from calstation.records.csv_log import meta_path
-from calstation.records.csv_write import write_csv_log
+from calstation.records.csv_logs import meta_path, write_csv_log
 from calstation.records.facts import LogFacts
 from calstation.records.log_formats import open_log
 from calstation.records.meta import LogMeta, context_from_meta

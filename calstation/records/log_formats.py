@@ -6,15 +6,19 @@ from pathlib import Path
 
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
-from calstation.records.csv_folder import csv_files, open_folder
-from calstation.records.csv_log import CSV_SUFFIXES, meta_path, open_csv
-from calstation.records.csv_text import csv_rows
-from calstation.records.csv_write import write_csv_log
+from calstation.records.csv_logs import (
+    CSV_SUFFIXES,
+    csv_files,
+    csv_rows,
+    meta_path,
+    open_csv,
+    open_folder,
+    write_csv_log,
+)
 from calstation.records.foreign import foreign_format, open_foreign
 from calstation.records.log import Log
 from calstation.records.meta import LogMeta
-from calstation.records.raw_log import SUFFIX, write_log
-from calstation.records.raw_read import open_raw, row_count
+from calstation.records.raw import SUFFIX, open_raw, row_count, write_log
 
 
 @dataclass(frozen=True)

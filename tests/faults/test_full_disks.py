@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from calstation.errors import CalstationError
-from calstation.records import open_log, raw_log
+from calstation.records import open_log
+from calstation.records.raw import raw_log
 from calstation.runs import finish_incomplete
 from calstation.sequencer import Event, Fault, Finalized, Message, StageSolved
 from tests.helpers import sampled

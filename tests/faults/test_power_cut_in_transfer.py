@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from calstation.devices.imu import Closing, FlashContent, finish, read_flash_content, restore, transfer
 from calstation.errors import CalstationError
-from calstation.records import chained_lines
+from calstation.records.evidence import chained_lines
 from calstation.registers import journal as register_journal
 from tests.devices.powered_unit import SERIAL, UNITS, PowerLost, Supply, Unit, registers
 from tests.helpers import sampled

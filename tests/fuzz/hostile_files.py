@@ -28,7 +28,7 @@ import tomli_w
 from calstation.cli.app import run_app
 from calstation.estimation.common import SampleBlock
 from calstation.records import LogMeta, RawLogWriter
-from calstation.records.raw_log import CHECKSUM_COLUMN, row_checks
+from calstation.records.raw.raw_log import CHECKSUM_COLUMN, row_checks
 
 sys.path.append(str(Path(__file__).parent))  # as pytest does
 

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.records import LogMeta, RawLogWriter, open_log, raw_log
+from calstation.records import LogMeta, RawLogWriter, open_log
+from calstation.records.raw import raw_log
 from tests.interleaving.scheduler import Scheduler, failing_seed, run_seeds, with_seeds
 from tests.records.records_samples import META, make_block
 

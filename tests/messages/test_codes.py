@@ -32,7 +32,7 @@ COMPUTED = {
     "calstation/gui/operator/next_run.py",
     "calstation/gui/operator/questions.py",
     "calstation/gui/settings/fields.py",
-    "calstation/records/csv_table.py",
+    "calstation/records/csv_logs/csv_table.py",
     "calstation/sequencer/guard.py",
 }
 

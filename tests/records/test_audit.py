@@ -18,18 +18,17 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.records import (
     ChainedFile,
     append_audit,
-    audit,
     audit_path,
     database_contradictions,
     files,
     intact_trail,
     read_audit,
-    reports,
     restart_trail,
     site_events,
     verify_trail,
 )
-from calstation.records.station_key import (
+from calstation.records.evidence import audit, reports
+from calstation.records.evidence.station_key import (
     DatabaseHead,
     StationKey,
     head_file,
@@ -370,6 +369,6 @@ def test_concurrent_processes_append_to_one_chain(tmp_path: Path) -> None:
 
 
 def test_trail_locked_by_another_process_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("calstation.records.chained_lines.LOCK_TIMEOUT", 0.0)
+    monkeypatch.setattr("calstation.records.evidence.chained_lines.LOCK_TIMEOUT", 0.0)
     with files.locked(tmp_path / ".audit.lock", 1.0), raises_code(ConfigurationError, "audit.unwritable"):
         append_audit(tmp_path, "pin_set", "wang")

@@ -9,7 +9,7 @@ from records_samples import joined
 
 from calstation.errors import InputError
 from calstation.records import open_log, write_log
-from calstation.records.csv_folder import csv_files
+from calstation.records.csv_logs.csv_folder import csv_files
 from calstation.results import inspect_log
 from tests.helpers import raises_code
 

@@ -8,7 +8,8 @@ import pytest
 from records_samples import CSV_HEADER, csv_rows, joined, write_csv_log
 
 from calstation.errors import InputError
-from calstation.records import csv_text, open_log
+from calstation.records import open_log
+from calstation.records.csv_logs import csv_text
 from tests.helpers import raises_code
 
 PRACTICE = Path(__file__).parents[3] / "shared" / "data" / "practice"

@@ -10,7 +10,7 @@ from records_samples import META, make_block
 
 from calstation.errors import InputError
 from calstation.records import LogMeta, RawLogWriter, open_log
-from calstation.records.superblock import SUPERBLOCK, _lookup3, is_unclosed, superblock_valid
+from calstation.records.raw.superblock import SUPERBLOCK, _lookup3, is_unclosed, superblock_valid
 
 ROWS = 650
 

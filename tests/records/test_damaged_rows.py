@@ -11,8 +11,8 @@ from records_samples import META, joined, make_block
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
 from calstation.records import LogMeta, RawLogWriter, open_log, raw_rows
-from calstation.records.raw_log import CHECKSUM_COLUMN, CHUNK_ROWS, row_checks, row_dtype
-from calstation.records.raw_read import DamagedRows, intact_rows
+from calstation.records.raw.raw_log import CHECKSUM_COLUMN, CHUNK_ROWS, row_checks, row_dtype
+from calstation.records.raw.raw_read import DamagedRows, intact_rows
 from tests.helpers import raises_code
 
 ROWS = 30 * CHUNK_ROWS

@@ -11,7 +11,7 @@ import pytest
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
 from calstation.records import LogMeta, RawLogWriter, open_log
-from calstation.records.raw_log import row_checks
+from calstation.records.raw.raw_log import row_checks
 
 PARTS = ("samples", "meta", "stages", "events", "results", "closing")
 Edit = Callable[[h5py.File, str], object]

@@ -21,9 +21,10 @@ from records_samples import assert_same, joined, make_block
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import SampleBlock
 from calstation.messages import Text
-from calstation.records import LogMeta, RawLogWriter, being_written, open_log, raw_log, stages_ended_by_hand
-from calstation.records.raw_log import row_checks
-from calstation.records.raw_read import raw_blocks
+from calstation.records import LogMeta, RawLogWriter, being_written, open_log, stages_ended_by_hand
+from calstation.records.raw import raw_log
+from calstation.records.raw.raw_log import row_checks
+from calstation.records.raw.raw_read import raw_blocks
 from tests.helpers import raises_code
 
 
@@ -155,9 +156,9 @@ from pathlib import Path
 import numpy as np
 from calstation.estimation.common.samples import SampleBlock
 from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter
-from calstation.records.raw_read import being_written, raw_blocks
-from calstation.records.raw_log import row_checks
+from calstation.records.raw.raw_log import RawLogWriter
+from calstation.records.raw.raw_read import being_written, raw_blocks
+from calstation.records.raw.raw_log import row_checks
 writer = RawLogWriter(Path(sys.argv[1]), LogMeta.model_validate_json(sys.argv[2]))
 begin, done = time.monotonic(), 0
 while True:
@@ -389,7 +390,7 @@ from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from records_samples import make_block
 from calstation.errors import ConfigurationError
-from calstation.records import raw_log
+from calstation.records.raw import raw_log
 from calstation.records.meta import meta_from_json
 raw_log.RESERVED_SPACE = 0
 path, limit = Path(sys.argv[1]), int(sys.argv[3])

@@ -243,7 +243,7 @@ def test_release_after_the_certificate_requires_a_later_revision(
     made = make(shared_runs, tmp_path / "site", "failed")
     result_file = copied(made.result_file, made.folder / "copy")
     assert report(result_file, "-o", made.folder / "first.pdf") == 0
-    monkeypatch.setattr("calstation.records.audit.datetime", Later)
+    monkeypatch.setattr("calstation.records.evidence.audit.datetime", Later)
     access.set_pin("", "000000")
     assert changes_of(result_file) == ()
     override_result(ignore_progress, result_file, "shock test", Person("wang", "000000"), None)

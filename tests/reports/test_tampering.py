@@ -24,8 +24,8 @@ from calstation.records import (
     restart_trail,
     verify_trail,
 )
+from calstation.records.evidence.station_key import head_file
 from calstation.records.run_index import FILE
-from calstation.records.station_key import head_file
 from calstation.reports import verify_certificate, verify_reports
 from calstation.reports.source import load_source
 from calstation.results import History, load_run_result

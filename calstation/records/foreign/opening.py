@@ -21,7 +21,7 @@ from calstation.records.columns import (
     read_configuration,
     unit_factors,
 )
-from calstation.records.csv_log import complete_counts, recorded_log
+from calstation.records.csv_logs import complete_counts, recorded_log
 from calstation.records.foreign import dataflash, mat, mcap, novatel, rosbag, tdms, ulog
 from calstation.records.foreign.topics import Columns, ForeignFormat, Topic
 from calstation.records.log import Log

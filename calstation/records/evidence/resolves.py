@@ -3,7 +3,7 @@
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from calstation.records.chained_lines import ChainedFile
+from calstation.records.evidence.chained_lines import ChainedFile
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,8 @@ from calstation.records.columns import (
     unit_factor,
     unit_factors,
 )
-from calstation.records.csv_table import csv_tables
-from calstation.records.csv_text import text_chunks
+from calstation.records.csv_logs.csv_table import csv_tables
+from calstation.records.csv_logs.csv_text import text_chunks
 from calstation.records.log import Log
 from calstation.records.meta import FURTHER_IMUS, LogMeta
 from calstation.records.recording import Recording

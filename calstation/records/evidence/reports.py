@@ -16,9 +16,9 @@ from pydantic import BaseModel, JsonValue, TypeAdapter, ValidationError
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import Text, os_reason
-from calstation.records.audit import AuditEvent, AuditEventName, TrailState, verify_trail
-from calstation.records.chained_lines import Chain, ChainedFile, SignedLine
-from calstation.records.station_key import DatabaseHead, StationKey, TrailHead, database_heads, is_signed
+from calstation.records.evidence.audit import AuditEvent, AuditEventName, TrailState, verify_trail
+from calstation.records.evidence.chained_lines import Chain, ChainedFile, SignedLine
+from calstation.records.evidence.station_key import DatabaseHead, StationKey, TrailHead, database_heads, is_signed
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,9 @@ from calstation.parsing import parse_json
 from calstation.records.files import NO_LOCKS, TEST_TIMEOUT, is_locked
 from calstation.records.log import DamagedRows, Log
 from calstation.records.meta import meta_from_json
-from calstation.records.raw_log import CHECKSUM_COLUMN, CHUNK_ROWS, row_checks
-from calstation.records.raw_structure import StructureError, check_structure, is_raw_log
-from calstation.records.superblock import SUPERBLOCK, AsClosed, is_unclosed, superblock_end, superblock_valid
+from calstation.records.raw.raw_log import CHECKSUM_COLUMN, CHUNK_ROWS, row_checks
+from calstation.records.raw.raw_structure import StructureError, check_structure, is_raw_log
+from calstation.records.raw.superblock import SUPERBLOCK, AsClosed, is_unclosed, superblock_end, superblock_valid
 
 #: Reason for the end of a stage that is not solved, because the units fail without it.
 END_FAILING = "failing"

@@ -14,8 +14,8 @@ from calstation.estimation.common import SampleBlock
 from calstation.messages import os_reason
 from calstation.records.clock import TimeReport
 from calstation.records.columns import unit_factor, unit_factors
-from calstation.records.csv_log import CSV_SUFFIXES, load_recording, meta_path, with_quantisation
-from calstation.records.csv_table import csv_tables
+from calstation.records.csv_logs.csv_log import CSV_SUFFIXES, load_recording, meta_path, with_quantisation
+from calstation.records.csv_logs.csv_table import csv_tables
 from calstation.records.log import DamagedRows, Log
 from calstation.records.meta import LogMeta
 from calstation.records.recording import Recording

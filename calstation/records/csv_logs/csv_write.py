@@ -14,7 +14,7 @@ from calstation.estimation.common import SampleBlock, has_gyros, snap_angles
 from calstation.messages import os_reason
 from calstation.physics import CHANNELS, FloatArray
 from calstation.records.columns import ANGLES, CHAMBER, JOINTS, STATION, further_channels
-from calstation.records.csv_log import meta_path
+from calstation.records.csv_logs.csv_log import meta_path
 from calstation.records.files import partial_path, write_atomic
 from calstation.records.meta import FURTHER_IMUS, LogMeta
 

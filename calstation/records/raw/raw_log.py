@@ -36,7 +36,7 @@ from calstation.messages import Text, os_reason
 from calstation.records.facts import FactsBuilder, LogFacts
 from calstation.records.files import FILE_MODE, acquire_lock, allocate, free_space
 from calstation.records.meta import LogMeta
-from calstation.records.superblock import SUPERBLOCK, superblock_end
+from calstation.records.raw.superblock import SUPERBLOCK, superblock_end
 
 FORMAT = "calstation.log/1"
 SUFFIX = ".h5"

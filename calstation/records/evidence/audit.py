@@ -19,9 +19,8 @@ from pydantic import BaseModel, ConfigDict, JsonValue
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import Text, os_reason
-from calstation.records.chained_lines import Chain, ChainedFile, Damage, SignedLine
-from calstation.records.files import write_atomic
-from calstation.records.station_key import (
+from calstation.records.evidence.chained_lines import Chain, ChainedFile, Damage, SignedLine
+from calstation.records.evidence.station_key import (
     StationKey,
     TrailHead,
     finish_key,
@@ -33,6 +32,7 @@ from calstation.records.station_key import (
     new_key,
     store_head,
 )
+from calstation.records.files import write_atomic
 
 #: Names of the events.
 AuditEventName = Literal[

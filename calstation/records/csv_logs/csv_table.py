@@ -12,7 +12,7 @@ import numpy as np
 from calstation.errors import InputError
 from calstation.physics import CHANNELS, BoolArray, FloatArray, IntArray
 from calstation.records.columns import COMMENT, STATION, Layout, is_column
-from calstation.records.csv_text import text_chunks
+from calstation.records.csv_logs.csv_text import text_chunks
 from calstation.records.samples import INTEGERS, SampleTable, damages, is_excessive
 
 _TIMES = ("time_s", STATION)

@@ -8,8 +8,8 @@ import h5py
 import numpy as np
 
 from calstation.messages import Text
-from calstation.records.raw_log import FORMAT, TEXTS, row_dtype
-from calstation.records.superblock import SUPERBLOCK
+from calstation.records.raw.raw_log import FORMAT, TEXTS, row_dtype
+from calstation.records.raw.superblock import SUPERBLOCK
 
 #: Size limits of the datasets that are read at once, bytes.
 _MAX_BYTES = {"meta": 1 << 24, "events": 1 << 25, "results": 1 << 25, "closing": 1 << 20, "stages": 1 << 22}
