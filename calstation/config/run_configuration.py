@@ -95,6 +95,12 @@ class RunConfiguration:
         return tuple(self.schedules)
 
     @property
+    def changed_schedules(self) -> list[str]:
+        """Stages whose schedule in the request differs from that of the product, in the order of the run."""
+        changes = self.request.schedule or {}
+        return [s for s in self.stages if self._schedule(s, changes.get(s, {})) != self._schedule(s, {})]
+
+    @property
     def after_registers(self) -> bool:
         """Whether the unit's stream is already corrected by its registers."""
         return self.imu.stream.order == "after_registers"
@@ -121,6 +127,9 @@ class RunConfiguration:
         """Number of the unit's slot in a batch; 1 for a single unit."""
         slot = self.slot
         return 1 if slot is None or self.request.batch is None else self.station.slot_names.index(slot.name) + 1
+
+    def _schedule(self, stage: str, changes: Mapping[str, Any]) -> BaseModel:
+        return method(stage).schedule.model_validate(schedule_values(self.product, stage, changes))
 
     @property
     def unjudged_limits(self) -> tuple[str, ...]:

@@ -137,6 +137,8 @@ class PreparedRun:
             run.set_registers(registers)
         if message is not None:
             run.emit(message)
+        if changed := self.setup.changed_schedules:
+            run.emit(Message("schedule_changed", {"stages": changed}))
         return run
 
 

@@ -311,3 +311,19 @@ def test_stop_while_devices_are_opened_leaves_a_result(site_folder: SiteFolder) 
     assert (ended.result["advice"], ended.result["stop_reason"]) == ("repeat", "operator")
     assert open_log(Path(ended.log)).outcome == "stopped"
     assert not site_folder.events_of(StateChanged)
+
+
+@pytest.mark.parametrize(("turns", "expected"), [(1, []), (2, [["rate"]])])
+def test_schedule_that_differs_from_the_product_is_an_event_of_the_run(
+    site_folder: SiteFolder, turns: int, expected: list[list[str]]
+) -> None:
+    """The same values are no difference: a resumed run is given the whole schedule of its log."""
+    stop = site_folder.once(StateChanged, Command.STOP)
+
+    def emit(event: Event) -> None:
+        site_folder.events.append(event)
+        stop(event)
+
+    execute(replace(site_folder.request("rate"), schedule={"rate": {"turns": turns}}), emit, site_folder.control)
+    log = Path(site_folder.events_of(Finalized)[0].log)
+    assert [e["values"]["stages"] for e in open_log(log).events if e.get("id") == "schedule_changed"] == expected
