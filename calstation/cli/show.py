@@ -20,11 +20,11 @@ from rich.text import Text as RichText
 from calstation.cli.text import say, sentence, term
 from calstation.escaping import for_terminal
 from calstation.jobs import ProgressCallback
-from calstation.judgement import Check
+from calstation.judgement import Check, Where
 from calstation.messages import Text, known
 from calstation.physics import DEGREE, display, display_by_unit, number, unit_of_parameter
 from calstation.records import Verdict
-from calstation.results import PositionResidual, Result, write_json
+from calstation.results import PositionResidual, Result, value_decisions, write_json
 
 #: Mark of a rest or move by its state: "!" for notable residuals, "!!" for residuals that contradict the model.
 _STATE_MARKS = {"good": "", "caution": "!", "bad": "!!"}
@@ -168,8 +168,8 @@ def result_table(console: Console, result: Result) -> None:
             console.print(_check_line(check))
         if cause := check.cause_text:
             console.print(f"  {sentence(cause)}")
-    if result.conformity is not None:
-        worst, conformity = max(result.conformity.parameters.items(), key=lambda each: each[1].probability)
+    if result.conformity is not None and (decisions := value_decisions(result)):
+        worst, conformity = max(decisions.items(), key=lambda each: each[1].probability)
         code = "cli.conformity_accept" if conformity.accepted else "cli.conformity_reject"
         text = say(code, rule=result.conformity.rule, name=worst, probability=conformity.probability)
         console.print(text, soft_wrap=True)
@@ -223,7 +223,7 @@ def _check_line(check: Check) -> str:
     if check.kind == "clipping":
         unit = say("common.samples_unit")
     unit = "" if unit == "1" else f" {unit}"
-    location = say("cli.at_where", where=check.where) if str(check.where) else ""
+    location = say("cli.at_where", where=_location_text(check.where)) if str(check.where) else ""
     code = f"cli.check_{check.kind}"
     name = say(code) if known(code) else check.name
     bounds = [f"{bound / size:.4g}" for bound in _bounds(check)]
@@ -232,6 +232,12 @@ def _check_line(check: Check) -> str:
     values |= {"verdict": say(verdict, limit=what), "what": what}
     limit = interval(*bounds) if len(bounds) == 2 else bounds[0]
     return say("cli.checked", **values, limit=f"{limit}{unit}")
+
+
+def _location_text(where: Where) -> str:
+    if where.rests is None:
+        return where.parameter
+    return f"{term('stage', where.stage).lower()} {say(where.rests.code, **where.rests.values)}"
 
 
 def _bounds(check: Check) -> tuple[float, ...]:

@@ -20,6 +20,16 @@ class Where:
     rest: int | None = None  #: Number of the rest, from 0.
     to: int | None = None  #: Number of the rest after the motions.
 
+    @property
+    def rests(self) -> Text | None:
+        """The rests for people, who count them from 1; None without a rest."""
+        if self.rest is None:
+            return None
+        number = self.rest + 1
+        if self.to is None:
+            return Text.of("check.rest", number=number)
+        return Text.of("check.rests", number=number, to=self.to + 1)
+
     def __str__(self) -> str:
         """Return the text used in the result JSON."""
         if self.rest is None:

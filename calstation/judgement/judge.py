@@ -33,6 +33,8 @@ _OF_DATA: frozenset[CheckKind] = frozenset({
 _OF_SITE: tuple[CheckKind, ...] = ("latitude", "heading", "start_attitude")
 #: Deviation of the heading, in units of its limit, above which no effect is its cause.
 _FAR = 3.0
+#: Ratio of the measured to the stated noise from which the noise is a cause.
+_NOTABLE_NOISE = 1.2
 
 
 @dataclass(frozen=True)
@@ -168,11 +170,16 @@ def _with_cause(meta: LogMeta, check: Check) -> Check:
 def _with_noise(checks: list[Check], solutions: Sequence[Solution]) -> list[Check]:
     """Return the checks, with the measured noise as the cause of each failed check of a sigma that has no other cause.
 
-    With the noise of the profiles, such a sigma would be within its limit.
+    With the noise of the profiles, such a sigma would be within its limit. Noise that is hardly larger than stated is
+    no cause, because the measured one has scatter.
     """
     noise = [test for s in solutions for test in s.tests if test.kind in ("table_noise", "imu_noise")]
     largest = max(noise, key=lambda test: test.value, default=None)
-    if largest is None or any(check.diagnosis is not None for check in checks if not check.passed):
+    if (
+        largest is None
+        or largest.value < _NOTABLE_NOISE
+        or any(check.diagnosis is not None for check in checks if not check.passed)
+    ):
         return checks
     return [
         replace(check, diagnosis=largest.diagnosis)

@@ -95,12 +95,22 @@ class Log:
             last=facts.last_seq,
         )
 
-    def facts(self) -> LogFacts:
-        """Return range, gaps, temperature and sha256 of the whole log, which is read only once."""
+    def facts(self, first_seq: int | None = None, last_seq: int | None = None) -> LogFacts:
+        """Return the facts of the samples from `first_seq` to `last_seq` (both included), with the sha256 of the log.
+
+        The whole log is read only once. Raises the errors of `blocks`.
+        """
         while self._facts is None:
             for _ in self._all_blocks():
                 pass
-        return self._facts
+        whole = self._facts
+        starts = first_seq is None or first_seq <= whole.first_seq
+        if starts and (last_seq is None or last_seq >= whole.last_seq):
+            return whole
+        builder = FactsBuilder(self.meta)
+        for block in self.blocks(first_seq, last_seq):
+            builder.add(block)
+        return replace(builder.facts(), sha256=whole.sha256, damaged=whole.damaged)
 
     def _all_blocks(self) -> Iterator[SampleBlock]:
         """Yield all samples; at the end, set damaged rows and facts. Raises InputError."""

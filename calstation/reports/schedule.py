@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 from pydantic import JsonValue
 
 from calstation.config import schedule_fields
-from calstation.messages import Language, plain_number, schedule_name, term
-from calstation.physics import DISPLAY
+from calstation.messages import Language, parameter_name, plain_number, schedule_name
+from calstation.physics import unit_of_parameter
 
 #: Kinds of entries that are shown; lists of moves are only in the product file.
 _SHOWN = ("number", "count", "flag", "choice", "targets")
@@ -22,17 +22,17 @@ def schedule_words(stage: str, values: Mapping[str, JsonValue], language: Langua
             case True:
                 yield name
             case dict() as targets if targets:
-                yield f"{name}: {', '.join(_target(group, sigma, language) for group, sigma in targets.items())}"
+                yield f"{name}: {', '.join(_target(each, sigma, language) for each, sigma in targets.items())}"
             case str() as chosen:
                 yield f"{name} {chosen.replace('_', ' ')}"
             case int() | float() as number if number is not False:
                 yield f"{name} {number:g} {spec.unit}".rstrip()
 
 
-def _target(group: str, sigma: JsonValue, language: Language) -> str:
-    """Return the target sigma of a group, which is a number in SI, in its display unit."""
-    name = term("group", group, language)
+def _target(subject: str, sigma: JsonValue, language: Language) -> str:
+    """Return the target sigma of a parameter or group, which is a number in SI, in its display unit."""
+    name = parameter_name(subject, language)
     if not isinstance(sigma, int | float):
         return name
-    unit, size = DISPLAY.get(group) or ("", 1.0)
+    unit, size = unit_of_parameter(subject)
     return f"{name} {plain_number(sigma / size, '.3g')} {unit}".rstrip()

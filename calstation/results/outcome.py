@@ -1,5 +1,6 @@
-"""The outcome of a stored run, which every place that shows one names alike."""
+"""The outcome of a stored run and its decisions, which every place that shows them names alike."""
 
+from calstation.judgement import ParameterConformity
 from calstation.messages import Text
 from calstation.records import RunRecord, Verdict
 from calstation.results.result import Result
@@ -18,3 +19,10 @@ def run_outcome(run: RunRecord | Result, *, stages: bool = False) -> Text:
         values = {"stages": names} if stages else {}
         outcome = Text("engineer.partial_stages" if stages else "engineer.partial", {"outcome": run.badge, **values})
     return Text.of("history.outcome_simulated", outcome=outcome) if run.simulated else outcome
+
+
+def value_decisions(result: Result) -> dict[str, ParameterConformity]:
+    """Return the decisions on the values that decide on their parameters, not those with a sigma above its limit."""
+    decided = {} if result.conformity is None else result.conformity.parameters
+    failed = {check.subject for check in result.failed_checks}
+    return {name: each for name, each in decided.items() if each.accepted != (name in failed)}

@@ -130,7 +130,7 @@ def resolve_log(
         return (block for block in log.blocks(first_seq, last_seq) if block.stage not in unsolved)
 
     solve(blocks, meta, stages, source=log.path, progress=progress, chain=chain)
-    facts = log.facts()
+    facts = log.facts(first_seq, last_seq)
     if log.damaged_rows and stages is None and first_seq is None and last_seq is None:
         _check_complete(log, [*(solution.stage for solution in chain.solutions), *chain.missing_data, *unsolved])
     solutions, missing = tuple(chain.solutions), chain.missing_data

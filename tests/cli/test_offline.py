@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import META, Done, six_position_rows, write_log
+from tests.cli.conftest import HEADER, META, Done, six_position_rows, write_log
 
 
 def test_resolve_shows_a_table(calstation: Callable[..., Done], tmp_path: Path) -> None:
@@ -79,6 +79,19 @@ def test_part_of_a_log_is_solved(calstation: Callable[..., Done], tmp_path: Path
     done = calstation("resolve", log, "--from", 100, "--to", 2900, "--json", "-")
     assert done.code == 0, done.err
     assert (done.json["log"]["first_seq"], done.json["log"]["last_seq"]) == (100, 2900)
+    assert done.json["duration_s"] == pytest.approx(2801 / 50.0)
+
+
+def test_temperatures_of_a_part_are_those_of_its_samples(calstation: Callable[..., Done], tmp_path: Path) -> None:
+    rows = [f"{row},{20.0 + k / 100}" for k, row in enumerate(six_position_rows(10.0))]
+    log = write_log(tmp_path, rows)
+    log.write_text(log.read_text("utf-8").replace(HEADER, f"{HEADER},temp_c"), encoding="utf-8")
+    whole, part = (
+        calstation("resolve", log, *span, "--json", "-").json for span in ((), ("--from", 100, "--to", 2900))
+    )
+    assert (whole["temperature_c"]["min"], whole["temperature_c"]["max"]) == (20.0, 20.0 + (len(rows) - 1) / 100)
+    assert (part["temperature_c"]["min"], part["temperature_c"]["max"]) == (21.0, 49.0)
+    assert part["log"]["sha256"] == whole["log"]["sha256"]
 
 
 def test_truncated_stage_is_reported_and_earlier_stages_are_solved(

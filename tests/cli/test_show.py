@@ -38,6 +38,15 @@ def test_result_without_limits_has_no_bars(calstation: Run, tmp_path: Path) -> N
     assert "####" not in done.out
 
 
+def test_decision_rule_names_no_parameter_as_accepted_whose_sigma_is_too_large(calstation: Run, tmp_path: Path) -> None:
+    limits = LIMITS.replace("sigma_below = 1.0", "sigma_below = 1e-9") + "[product.limits.accel_bias]\nwithin = 1.0\n"
+    log = write_log(tmp_path, six_position_rows(), meta=META.replace("1e-6\ngyro_arw", "1.0005e-6\ngyro_arw") + limits)
+    done = calstation("resolve", log, "--json", tmp_path / "result.json")
+    decisions = json.loads((tmp_path / "result.json").read_text("utf-8"))["conformity"]["parameters"]
+    assert decisions["accel_scale_x"]["accepted"]
+    assert "The most uncertain decision: accel_bias_" in done.out
+
+
 def test_missing_result_is_one_sentence(calstation: Run, tmp_path: Path) -> None:
     done = calstation("show", tmp_path / "absent.json")
     assert done.code == 2

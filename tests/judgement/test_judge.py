@@ -207,3 +207,16 @@ def test_advice_ends_with_setting_the_unit_aside() -> None:
         "repeat",
     ]
     assert advice(product, Verdict.PASSED, 0, resumable=True) is None
+
+
+@pytest.mark.parametrize(("ratio", "cause"), [(1.1, None), (2.5, "table_vibrates")])
+def test_noise_that_is_hardly_larger_than_stated_is_no_cause_of_a_large_sigma(ratio: float, cause: str | None) -> None:
+    noisy = ModelTest("table_noise", ratio, 3.3, "1", Diagnosis("table_vibrates", 1e-6, unit="m/s"))
+    assert META.product is not None
+    i, limit = NAMES.index("gyro_bias_x"), META.product.limits["gyro_bias"].sigma_below or 0.0
+    covariance = SOLVED.posterior.covariance.copy()
+    covariance[i, i] = (1.05 * limit) ** 2
+    judgement = judge(META, PRIOR, (replace(SOLVED, posterior=Posterior(np.zeros(COUNT), covariance), tests=(noisy,)),))
+    (check,) = (check for check in judgement.checks if not check.passed)
+    assert (check.kind, check.subject) == ("sigma_below", "gyro_bias_x")
+    assert (check.diagnosis and check.diagnosis.cause) == cause

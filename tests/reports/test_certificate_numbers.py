@@ -5,9 +5,11 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from calstation.physics import DEGREE_PER_HOUR
+from calstation.messages import Language
+from calstation.physics import DEGREE_PER_HOUR, DISPLAY
 from calstation.reports.content import performed
 from calstation.reports.numbers import interval, limit_text, rounded, short
+from calstation.reports.schedule import schedule_words
 from calstation.results import SCHEMA, Result
 
 
@@ -53,3 +55,15 @@ def test_calibration_ends_at_the_time_of_the_computer_or_else_after_its_device_t
     begin = datetime(2026, 11, 1, 8, tzinfo=UTC)
     result = Result.from_json({"schema": SCHEMA, "unit": {"serial": "SN-1"}, **rest, **run})
     assert performed(result) == (begin, begin + timedelta(hours=hours))
+
+
+@pytest.mark.parametrize(
+    ("language", "words"),
+    [
+        ("en", "Target sigma: accel bias x 80 µg, gyro bias 3 °/h"),
+        ("zh_CN", "目标标准差: 加表零偏 x 80 µg, 陀螺零偏 3 °/h"),
+    ],
+)
+def test_target_sigmas_have_units_for_parameters_and_groups(language: Language, words: str) -> None:
+    targets = {"accel_bias_x": 80.0 * DISPLAY["accel_bias"][1], "gyro_bias": 3.0 * DEGREE_PER_HOUR}
+    assert words in schedule_words("excitation", {"targets": targets}, language)

@@ -41,6 +41,7 @@ from calstation.results import (
     Result,
     in_sigma,
     run_outcome,
+    value_decisions,
 )
 
 _NONE = "–"
@@ -227,7 +228,7 @@ def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
 
 def _conformity_hint(result: Result, name: str) -> str:
     """Return the probability that the decision on a parameter is wrong, and the risks for its product."""
-    decision = None if result.conformity is None else result.conformity.parameters.get(name)
+    decision = value_decisions(result).get(name)
     if decision is None:
         return ""
     kind = "accepted" if decision.accepted else "refused"

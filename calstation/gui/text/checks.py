@@ -173,8 +173,6 @@ def _limit_number(limit: float, size: float, value: float) -> str:
 
 def _location_text(where: Where) -> str:
     """Return the rests or the parameter to which a check refers."""
-    if where.rest is not None and where.to is not None:
-        return say("check.rests", number=where.rest + 1, to=where.to + 1)
-    if where.rest is not None:
-        return say("check.rest", number=where.rest + 1)
+    if where.rests is not None:
+        return say(where.rests)
     return parameter_text(where.parameter) if where.parameter in INDEX else where.parameter
