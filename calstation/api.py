@@ -46,7 +46,7 @@ __all__ = [
 #: Called with the fraction done, the remaining time, s, or None, and the current activity.
 Progress = Callable[[float, float | None, str], object]
 #: Answers to the questions before a run that Python, like a command without a terminal, gives itself.
-_ANSWERS = {"transfer": "undecided", "resume": "anew", "passed": "repeat"}
+_ANSWERS = {"spelling": "other_unit", "transfer": "undecided", "resume": "anew", "passed": "repeat"}
 
 
 class Log:

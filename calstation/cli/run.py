@@ -57,7 +57,7 @@ _CONSISTENCY = {True: "cli.consistent", False: "cli.not_consistent", None: "cli.
 
 #: Answers used without a terminal, by the subject of the question; such a unit may always be calibrated again. The
 #: engine refuses a unit after an interrupted transfer unless the unit still has its old registers.
-_WITHOUT_TERMINAL = {"transfer": "undecided", "resume": "anew", "passed": "repeat"}
+_WITHOUT_TERMINAL = {"spelling": "other_unit", "transfer": "undecided", "resume": "anew", "passed": "repeat"}
 
 
 def run_command(

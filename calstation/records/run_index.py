@@ -284,6 +284,16 @@ class RunIndex:
         rows = self._try(lambda connection: _rows(connection, query.distinct()))
         return {serial for (serial,) in rows}
 
+    def spellings(self, serial: str, *, measured: bool = False) -> list[str]:
+        """Return the serial numbers of runs, also without files, that equal this one except for upper and lower case.
+
+        The serial number itself is included if it has runs; see `of_unit`. Only letters of ASCII are compared so.
+        """
+        query = sa.select(RUNS.c.serial).where(RUNS.c.serial.collate("NOCASE") == serial)
+        query = query.where(MEASURED) if measured else query
+        rows = self._try(lambda connection: _rows(connection, query.distinct()))
+        return sorted(str(row[0]) for row in rows)
+
     def attempts(self, serial: str, *, measured: bool = False) -> int:
         """Return the number of runs started for a unit, also without files; a resumed run counts once.
 

@@ -148,6 +148,11 @@ class History:
         """Return the serial numbers of the units that passed a run that was not partial."""
         return self._query(lambda: self._index.passed_units(measured=self._measured))
 
+    def other_spellings(self, serial: str) -> list[str]:
+        """Return the units that differ from this one only by upper and lower case; [] if it has runs itself."""
+        spellings = self._query(lambda: self._index.spellings(serial, measured=self._measured))
+        return [] if serial in spellings else spellings
+
     def passed_before(self, serial: str) -> RunRecord | None:
         """Return the unit's latest run that passed and was not partial, also without files, or None."""
         runs = self._of_unit(serial, _PASSED, missing=True)

@@ -33,9 +33,10 @@ from calstation.runs.resume import Continuation, resumable_run
 #: Role of the person who starts a run.
 Role = Literal["operator", "engineer"]
 
-#: Subject of a question: an interrupted transfer of registers, an interrupted run of the unit, attempts that are used
-#: up, a unit that has passed, a check standard or certificate that is overdue or failed, or the motion of a real table.
-Subject = Literal["transfer", "resume", "attempts", "passed", "standard", "table_moves"]
+#: Subject of a question: a unit known by a serial number with other upper and lower case, an interrupted transfer of
+#: registers, an interrupted run of the unit, attempts that are used up, a unit that has passed, a check standard or
+#: certificate that is overdue or failed, or the motion of a real table.
+Subject = Literal["spelling", "transfer", "resume", "attempts", "passed", "standard", "table_moves"]
 
 #: Refusals of production that an engineer can override.
 _OVERRIDABLE = (
@@ -72,18 +73,19 @@ class RunStart:
         self._interrupted: Interrupted | None = None
         self._set_request(_complete_request(request, self._history))
         if request.unfinished is not None:  # the questions were asked before the transfer was interrupted
-            self._answered |= {"transfer", "resume", "passed"}
+            self._answered |= {"spelling", "transfer", "resume", "passed"}
 
     def _set_request(self, request: RunRequest) -> None:
         resumed = tuple(continuation.request for continuation in Continuation.of_all(request))
         adjust = station_hooks(load_station(request.station)[1]).adjust
         self.request, self._setups = request, prepare_units(resumed or unit_requests(request), adjust)
         if resumed:  # the questions were asked before the interruption
-            self._answered |= {"resume", "passed"}
+            self._answered |= {"spelling", "resume", "passed"}
 
     def next_question(self) -> Question | None:
         """Return the first open question, or None if the run may start. Raises ConfigurationError."""
         questions: dict[Subject, Callable[[], Question | None]] = {
+            "spelling": self._ask_spelling,
             "transfer": self._ask_transfer,
             "resume": self._ask_resume,
             "attempts": self._ask_attempts,
@@ -143,6 +145,19 @@ class RunStart:
         """Configuration of a unit whose product requires two people for an override, or else of the first unit."""
         setups = (s for s in self._setups if confirmation_required("override", s.product, s.station).second)
         return next(setups, self._setups[0])
+
+    def _ask_spelling(self) -> Question | None:
+        """Ask about the units without a run whose serial numbers differ from known ones only by the case of letters."""
+        known = {setup.request.serial: self._history.other_spellings(setup.request.serial) for setup in self._setups}
+        serials = [serial for serial, others in known.items() if others]
+        if not serials:
+            return None
+        values: dict[str, Value] = {
+            "serials": serials,
+            "known": [other for serial in serials for other in known[serial]],
+        }
+        refusal = ConfigurationError("run.other_spelling", **values)
+        return Question("spelling", Text("question.other_spelling", values), ("other_unit",), refusal)
 
     def _ask_transfer(self) -> Question | None:
         """Ask about the units whose registers a transfer may have changed without having been verified."""

@@ -128,6 +128,11 @@ def passed(site: SiteFolder) -> None:
     write_result(site.runs, f"{SERIAL}_1", 1, serial=SERIAL, product="MEMS 7")
 
 
+def known_in_other_case(site: SiteFolder) -> None:
+    """Store a stopped run of a unit whose serial number differs only by lower case."""
+    write_result(site.runs, f"{SERIAL.lower()}_1", 1, serial=SERIAL.lower(), outcome="stopped", product="short")
+
+
 def failed(site: SiteFolder) -> None:
     """Allow one attempt, and store a failed run of the unit."""
     site.write({"attempts_allowed": 1})
@@ -176,6 +181,7 @@ CASES: dict[str, tuple[Callable[[SiteFolder], None], str, str, dict[str, object]
         "finish",
         {"unfinished": "finish"},
     ),
+    "spelling": (known_in_other_case, f"Known as {SERIAL.lower()}, not as {SERIAL}", "other_unit", {}),
     "passed": (passed, ", as MEMS 7. Calibrate it once more?", "repeat", {}),
     "attempts": (
         failed,
@@ -268,7 +274,7 @@ def test_permission_asked_for_is_dropped_with_its_station(
     assert started == []
 
 
-@pytest.mark.parametrize("case", [case for case in CASES if case not in ("transfer", "verification")])
+@pytest.mark.parametrize("case", [case for case in CASES if case not in ("spelling", "transfer", "verification")])
 def test_command_without_a_terminal_names_the_option_and_refuses_what_needs_a_person(
     case: str, site_folder: SiteFolder, capsys: pytest.CaptureFixture[str], started: list[RunRequest]
 ) -> None:
@@ -303,6 +309,45 @@ def test_command_without_a_terminal_leaves_an_interrupted_transfer_to_the_check_
     run_app([str(word) for word in ("run", *where, "--serial", SERIAL)])
     assert f"New registers are written, but not verified: {SERIAL}." in capsys.readouterr().err
     assert started[0].unfinished is None, "the engine refuses the run unless the unit has its old registers"
+
+
+def test_command_without_a_terminal_names_the_known_spelling(
+    site_folder: SiteFolder, capsys: pytest.CaptureFixture[str], started: list[RunRequest]
+) -> None:
+    site_folder.runs.mkdir()
+    known_in_other_case(site_folder)
+    where = ("--station", site_folder.station, "--product", site_folder.product, "--out", site_folder.runs)
+    run_app([str(word) for word in ("run", *where, "--serial", SERIAL)])
+    assert f"If it is the same unit, give its serial number as {SERIAL.lower()}." in capsys.readouterr().err
+    assert [request.serial for request in started] == [SERIAL]
+
+
+@pytest.mark.parametrize(
+    ("language", "sentence"),
+    [("en", "scan sn-000042 again; or go on if it is another unit."), ("zh_CN", "再重新扫描 sn-000042；如果")],
+)
+def test_question_about_another_spelling_names_units_of_a_batch_and_can_be_cancelled(
+    operator: Operator, started: list[RunRequest], language: str, sentence: str
+) -> None:
+    operator.site_folder.write(units=3)
+    operator.site_folder.runs.mkdir(exist_ok=True)
+    known_in_other_case(operator.site_folder)
+    write_result(operator.site_folder.runs, "SN-000002_1", 1, serial="SN-000002", outcome="failed")
+    write_result(operator.site_folder.runs, "sn-000002_1", 1, serial="sn-000002", outcome="failed")
+    History(operator.site_folder.runs).refresh()
+    operator.window.app.set_language(language)
+    operator.window.app.set_station(operator.site_folder.station)
+    for serial in (SERIAL, "SN-000002", "SN-000003"):
+        operator.scan(serial)
+    operator.press("start_button")
+    assert sentence in operator.says()
+    assert operator.widget("cancel_choice").hasFocus()
+    operator.press("cancel_choice")
+    assert started == []
+    operator.press("start_button")
+    operator.press("other_unit_choice")
+    (request,) = started
+    assert request.serials == (SERIAL, "SN-000002", "SN-000003")
 
 
 @pytest.mark.parametrize(("language", "question"), [("en", "but not verified"), ("zh_CN", "新寄存器已写入，")])
