@@ -21,11 +21,15 @@ from calstation.gui.operator.loading import Loading
 from calstation.gui.operator.production import shift_counter
 from calstation.gui.state.engine_link import EngineLink
 from calstation.jobs import JobQueue
+from calstation.sequencer import StateChanged
 from tests.gui.conftest import RESULT, SERIAL, Operator
+from tests.gui.test_operator_events import end_run, simulated_run
 from tests.site_folder import ONE_STAGE, STATION
 
 NAMES = {"B1234": "Li Na", "B5678": "Wang Wei"}
 ZPL = "^XA^CI28^FO16,16^FD$serial^FS^FO16,64^FD$product $station $operator $verdict^FS^XZ\n"
+
+__all__ = ["simulated_run"]
 
 
 def use_station(operator: Operator, product: dict[str, Any] | None = None, **station: Any) -> None:
@@ -171,7 +175,37 @@ def test_idle_operator_is_signed_out(operator: Operator) -> None:
     sign_in(operator, "B1234")
     operator.until(lambda: not operator.widget("start_button").isEnabled())
     assert operator.widget("operator_edit", QLineEdit).text() == ""
-    assert operator.message == "Scan your badge first."
+    assert operator.message == "Signed out after a time without input. Scan your badge first."
+
+
+@pytest.mark.parametrize(
+    ("language", "message", "refusal"),
+    [
+        (
+            "en",
+            "Signed out after a time without input. Scan your badge first.",
+            "Scan your badge first, then the unit.",
+        ),
+        ("zh_CN", "长时间无操作，已退出登录。请先扫描工牌。", "请先扫描工牌，再扫描产品。"),
+    ],
+)
+def test_result_of_a_signed_out_operator_asks_for_the_badge(
+    simulated_run: Operator, language: str, message: str, refusal: str
+) -> None:
+    use_station(simulated_run, sign_in={"badge_pattern": r"B\d{4}", "idle_minutes": 60.0})
+    simulated_run.window.app.set_language(language)
+    sign_in(simulated_run, "B1234")
+    link = simulated_run.window.app.engine_link
+    link.event.emit(StateChanged("running", "preparing"))
+    end_run(simulated_run, "stopped", advice="begin_again")
+    assert simulated_run.message != message
+    simulated_run.window.operator_page.header.badge_field._sign_out_idle()
+    assert simulated_run.message == message
+    assert simulated_run.says().count(message) == 2, "the bold sentence below the verdict says it, too"
+    sign_in(simulated_run, SERIAL)
+    assert refusal in simulated_run.says()
+    sign_in(simulated_run, "B1234")
+    assert message not in simulated_run.says()
 
 
 @pytest.mark.long

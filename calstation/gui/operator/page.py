@@ -24,6 +24,7 @@ from calstation.gui.operator.questions import (
     closing_notice,
     has_pair,
     progress_message,
+    sign_in_text,
     unsuitable_products,
     urgent_message,
     why_not_load,
@@ -195,7 +196,7 @@ class OperatorPage(Page):
     def _operator_changed(self) -> None:
         field = self.header.badge_field
         self.app.operator, self.app.badge = field.name, None if field.section is None else field.operator
-        self.app.badge_required = field.required
+        self.app.badge_required, self.app.signed_out_idle = field.required, field.signed_out_idle
         self.app.operator_changed.emit()
         self._refresh()
 
@@ -405,7 +406,7 @@ class OperatorPage(Page):
         if why_not := run.why_no_run(engineer=self.app.role.engineer):
             return why_not
         if header.badge_field.required:
-            return say("operator.sign_in")
+            return sign_in_text(self.app)
         if starting.asking:
             return say("operator.answer_first")
         if starting.slots and not starting.slots.units and not header.serial:
@@ -465,8 +466,8 @@ class OperatorPage(Page):
             return urgent
         if run.display_state == "idle" and run.reading_runs:
             return say("operator.reading_runs")
-        if run.display_state == "idle" and self.header.badge_field.required:
-            return say("operator.sign_in")
+        if self.app.badge_required and (run.display_state == "idle" or (run.ended and not run.fault)):
+            return sign_in_text(self.app)
         if run.display_state == "idle" and run.unreset is not None:
             return fault_text(run.unreset, engineer=self.app.role.engineer).remedy
         if run.display_state == "idle" and self._starting.asking:

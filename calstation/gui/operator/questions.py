@@ -127,6 +127,11 @@ def urgent_message(run: RunStatus, *, engineer: bool) -> str:
     return joined(say("operator.message_stopping_manual"), other, language.current()) if stopping else other
 
 
+def sign_in_text(app: AppContext) -> str:
+    """Return that the operator must sign in, and whether the last one was signed out by the idle timeout."""
+    return say("operator.sign_in_again" if app.signed_out_idle else "operator.sign_in")
+
+
 def why_not_load(run: RunStatus, problem: Text | None) -> tuple[Words, Words]:
     """Return title and text of the reason to load no unit now, which are empty if there is none.
 

@@ -261,7 +261,8 @@ class RunStarter(QObject):
 
     def _badge_refused(self, error: CalstationError) -> None:
         self._signal(accepted=False)
-        ask(self._notice, "caution", error.as_text, {})
+        is_unit = error.code == "station.badge_unknown" and self._valid(str(error.values["badge"]))
+        ask(self._notice, "caution", Text("question.unit_before_badge") if is_unit else error.as_text, {})
         self._header.focus_scan()
 
     def _signal(self, *, accepted: bool) -> None:

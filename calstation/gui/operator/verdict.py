@@ -14,6 +14,7 @@ from calstation.connection import LinkTestRequest
 from calstation.errors import InputError
 from calstation.gui.operator import advice
 from calstation.gui.operator.production import CertificateButton, LabelButton, UnprintedNotice
+from calstation.gui.operator.questions import sign_in_text
 from calstation.gui.operator.units import Banner
 from calstation.gui.state import AppContext, ResetBar
 from calstation.gui.text import duration_text, fault_text, language, say
@@ -248,6 +249,8 @@ class VerdictPanel(QFrame):
             return say("advice.stop_incomplete")
         if fault is None and self._run.chamber.must_stay_closed:
             return say("operator.chamber_unconfirmed")  # no unit is removed before
+        if fault is None and self._app.badge_required:
+            return sign_in_text(self._app)
         if fault is None and self._run.unit.unverified:
             return say("advice.decide_registers")
         if fault is None:

@@ -38,10 +38,12 @@ class BadgeField(QWidget):
         self._section: SignInSection | None = None
         self._badge = ""
         self._locked = False
+        #: Whether the last operator was signed out by the idle timeout.
+        self.signed_out_idle = False
         self._idle = QTimer(self, singleShot=True)
         self._idle.timeout.connect(self._sign_out_idle)
         self._application = cast("QCoreApplication", QApplication.instance())
-        self.sign_out_button = button("sign_out_button", "operator.sign_out", self.sign_out)
+        self.sign_out_button = button("sign_out_button", "operator.sign_out", lambda: self.sign_out())
         self.sign_out_button.hide()
         caption = label("common.operator", buddy=self.edit)
         caption.setFixedHeight(theme.BIG_BUTTON - theme.BUTTON)  # Chinese characters are taller
@@ -111,10 +113,10 @@ class BadgeField(QWidget):
             self._idle.start(round(60_000 * self._section.idle_minutes))
         self.signed_in.emit()
 
-    def sign_out(self) -> None:
-        """Sign out the operator."""
+    def sign_out(self, *, idle: bool = False) -> None:
+        """Sign out the operator, by the idle timeout if `idle`."""
         if self._badge:
-            self._badge = ""
+            self._badge, self.signed_out_idle = "", idle
             self.edit.clear()
             self._idle.stop()
             self._application.removeEventFilter(self)
@@ -137,7 +139,7 @@ class BadgeField(QWidget):
         if self._locked:
             self._idle.start()
         else:
-            self.sign_out()
+            self.sign_out(idle=True)
 
     def _text_changed(self) -> None:
         if self._section is None:
