@@ -48,9 +48,6 @@ _STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_mountin
 _GIMBAL_STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_gravity", "preparing_solver")
 _MANUAL_STEPS = ("starting", "waiting_ready", "warming_up", "checking_gravity", "preparing_solver")
 
-#: Steps that have another explanation without a table that moves.
-_OTHER_BY_HAND = ("starting", "preparing_solver")
-
 
 class Preparation(QFrame):
     """Checklist of the steps from START to the first stage; a skipped step is ticked when the next one starts."""
@@ -87,7 +84,7 @@ class Preparation(QFrame):
             for widget in widgets:
                 widget.setVisible(number < len(steps))
         for number, (step, (icon, name, text)) in enumerate(zip(steps, self._rows, strict=False)):
-            manual = self._run.by_hand and step in _OTHER_BY_HAND
+            manual = self._run.by_hand and step == "starting"  # no table is identified
             texts = rendered(Text(f"preparation.{step}{'_manual' if manual else ''}"))
             icon.set_kind("good" if number < self._current else "active" if number == self._current else "none")
             name.setFont(theme.font(theme.SECTION, bold=number == self._current))
