@@ -130,7 +130,7 @@ def test_only_units_that_are_not_set_aside_are_offered_again(operator: Operator,
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("language", "advice"),
-    [("en", "The tiles say what to do with each unit."), ("zh_CN", "请按各方块上的提示处理每个产品。")],
+    [("en", "The tiles say what to do with each unit."), ("zh_CN", "请按各方块上的提示处理每台产品。")],
 )
 def test_batch_without_a_unit_that_passed_says_nothing_of_such_units(
     operator: Operator, language: str, advice: str
@@ -161,12 +161,19 @@ def test_slots_show_the_last_verdicts_while_the_next_units_are_scanned(operator:
     assert "last: FAIL SN-000002" in names[1]
     assert "last" not in names[2]
     assert "PASS" in names[3]
+    first = [each.text() for each in tile(operator, "slot_1_tile").findChildren(QLabel) if each.isVisible()]
+    assert "previous: SN-000001" in first
     operator.window.app.set_language("zh_CN")
     assert "上一台：不合格 SN-000002" in tile(operator, "slot_2_tile").accessibleName()
     shown = [each.text() for each in tile(operator, "slot_2_tile").findChildren(QLabel) if each.isVisible()]
-    assert "SN-000002" in shown
-    label = next(each for each in tile(operator, "slot_2_tile").findChildren(ElidedLabel) if each.text() == "SN-000002")
-    assert label.shortened() == "SN-000002"
+    last = "上一台：SN-000002"
+    assert last in shown
+    second = tile(operator, "slot_2_tile")
+    label = next(each for each in second.findChildren(ElidedLabel) if each.text() == last)
+    assert label.shortened() == last
+    assert label.property("kind") == "muted"
+    assert label.geometry().right() > 0.8 * second.width(), "it stands in the corner"
+    assert label.width() < 0.7 * second.width()
     label.setFixedWidth(100)
     assert label.shortened().endswith("0002"), "serial numbers differ at their end"
     operator.window.app.set_station(operator.site_folder.station)  # the units of another station are not meant

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFrame
+from PySide6.QtWidgets import QFrame, QSizePolicy
 
 from calstation.gui.operator.units.tiles import COLUMNS, Tile, arrange, pass_clicks
 from calstation.gui.state import Slot, Slots
@@ -38,7 +38,7 @@ class _SlotTile(Tile):
         self.slot, self._slots = slot, slots
         self._icon, self._name = StateIcon(18), ElidedLabel("muted")
         # serial numbers differ at their end
-        self._last_icon, self._last = StateIcon(16), ElidedLabel(mode=Qt.TextElideMode.ElideMiddle)
+        self._last_icon, self._last = StateIcon(16), ElidedLabel("muted", Qt.TextElideMode.ElideMiddle)
         self._serial, self._note = ElidedLabel(), ElidedLabel("muted")
         self._serial.setFont(theme.font(_TALL_SIZE if tall else theme.SECTION, bold=True))
         self.action = button(f"{prefix}slot_{slot.name}_button", pressed=self._act)
@@ -47,7 +47,9 @@ class _SlotTile(Tile):
         policy = self.action.sizePolicy()
         policy.setRetainSizeWhenHidden(True)  # the names in all tiles stay at the same height
         self.action.setSizePolicy(policy)
-        head = row(self._icon, (self._name, 1), self._last_icon, (self._last, 9), spacing=theme.GRID)
+        # as wide as its text, so that it stands in the corner, away from the name and the symbol of the slot
+        self._last.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Preferred)
+        head = row(self._icon, (self._name, 1), self._last, self._last_icon, spacing=theme.GRID)
         texts = column(None, self._serial, self._note, None, spacing=0)
         beside, below = (texts, 1), row(self.action, None)
         unit = column(texts, below, spacing=theme.GRID) if tall else row(beside, self.action, spacing=theme.GRID)
@@ -57,8 +59,8 @@ class _SlotTile(Tile):
         self._name.setText(slot.name)
         self._name.setMinimumWidth(3 * theme.GRID)
         self._name.setFont(theme.font(_TALL_SIZE if tall else theme.SECTION))
-        for text in (self._note, self._last) if tall else ():
-            text.setFont(theme.font(theme.SECTION))
+        if tall:
+            self._note.setFont(theme.font(theme.SECTION))
         self.clicked.connect(lambda: slots.choose(slot))
 
     def refresh(self, product: str) -> None:
@@ -84,7 +86,7 @@ class _SlotTile(Tile):
         if slot.last is not None:
             serial, state = slot.last
             last = say("operator.last_unit", serial=serial, state=term("badge", state))
-            self._last.setText(serial)  # the symbol shows its verdict, and the text above the tiles says what it is
+            self._last.setText(say("operator.previous_unit", serial=serial))  # the symbol shows its verdict
             self._last_icon.set_kind(KINDS.get(state, "none"))
         self._last_icon.setVisible(bool(last))
         self._last.setVisible(bool(last))
