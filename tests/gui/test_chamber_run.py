@@ -385,7 +385,7 @@ def test_engine_that_dies_leaves_the_chamber_unknown(thermal: ThermalRun) -> Non
     ("code", "action", "after"),
     [
         ("en", "Look at the chamber, then press “I looked at the chamber”.", "Scan the unit to begin again."),
-        ("zh_CN", "请先查看温箱，再按“已查看温箱”。", "扫描这个产品，从头再来。"),
+        ("zh_CN", "请先查看温箱，再按“已查看温箱”。", "扫描这台产品，从头再来。"),
     ],
 )
 def test_verdict_asks_for_nothing_else_before_the_chamber_was_looked_at(

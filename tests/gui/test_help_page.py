@@ -202,6 +202,8 @@ def test_chinese_window_shows_chinese_chapters_and_says_where_there_is_none(wind
     edit, found = window.findChild(QLineEdit, "manual_search_edit"), window.findChild(QListWidget, "manual_list")
     texts = [found.item(row).text() for row in range(found.count())]
     assert "第一次标定" in texts
+    assert [text for text in texts if text.endswith("（英文）")], "chapters that are not translated say so"
+    assert all(text.isascii() is False for text in texts if text != "calstation"), "English titles are marked"
     assert len(texts) == len(set(texts)), "no chapter is listed in both languages"
     edit.insert("装夹位")  # as an input method does
     texts = [found.item(row).text() for row in range(found.count())]

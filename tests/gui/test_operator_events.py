@@ -291,7 +291,7 @@ def test_verdict_keeps_its_serial_number_and_the_field_is_for_the_next_unit(
     simulated_run.window.show_page("operator_page")
 
     simulated_run.window.app.set_language("zh_CN")
-    assert "序列号：下一个产品" in simulated_run.says()
+    assert "序列号：下一台产品" in simulated_run.says()
     simulated_run.window.app.set_language("en")
     simulated_run.qtbot.keyClicks(edit, "SN-00")
     assert "Serial number: next unit" in simulated_run.says()
@@ -877,7 +877,7 @@ def test_stop_after_the_verdict_keeps_the_next_action(simulated_run: Operator) -
     assert simulated_run.message == "Nothing is running. Remove the unit, scan the next."
     simulated_run.window.app.set_language("zh_CN")
     simulated_run.qtbot.keyClick(simulated_run.window, Qt.Key.Key_Escape)
-    assert simulated_run.message == "没有在标定。取下产品，扫描下一个。"
+    assert simulated_run.message == "没有在标定。取下产品，扫描下一台。"
 
 
 @pytest.mark.parametrize(

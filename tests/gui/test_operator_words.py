@@ -273,3 +273,20 @@ def test_decimal_points_of_figures_are_aligned(qtbot: QtBot) -> None:
             width = QFontMetricsF(cell.font()).horizontalAdvance(fraction)
             points.add(cell.geometry().right() - cell.contentsMargins().right() - round(width))
     assert max(points) - min(points) <= 1
+
+
+@pytest.mark.parametrize(("language", "at_rest"), [("en", "at rest"), ("zh_CN", "静止")])
+def test_row_of_the_solver_says_nothing_about_the_table(operator: Operator, language: str, at_rest: str) -> None:
+    operator.window.app.set_language(language)
+    assert at_rest not in rendered(Text("preparation.preparing_solver")).remedy
+
+
+@pytest.mark.parametrize(
+    ("language", "action", "card"), [("en", "scan the next", "Remove it"), ("zh_CN", "扫描下一台", "取下")]
+)
+def test_card_of_a_batch_does_not_ask_for_the_next_unit(
+    operator: Operator, language: str, action: str, card: str
+) -> None:
+    operator.window.app.set_language(language)
+    assert action in advice.next_action("passed", None)
+    assert advice.next_action("passed", None, in_batch=True) == card

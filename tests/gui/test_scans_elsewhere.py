@@ -108,7 +108,7 @@ def test_scan_during_a_run_is_refused_with_a_sentence_and_a_sound(
         assert window.operator_page.isVisible()
         assert "This scan was not taken" in simulated_run.says()
         window.app.set_language("zh_CN")
-        assert "标定还在进行，请等它结束后再扫描下一个产品。" in simulated_run.says()
+        assert "标定还在进行，请等它结束后再扫描下一台产品。" in simulated_run.says()
         assert (edit.text(), sounds) == (before, ["refused"])
 
 

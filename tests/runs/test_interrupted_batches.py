@@ -198,7 +198,7 @@ def test_unit_in_another_slot_is_not_resumed_and_named(batch: SiteFolder) -> Non
     text = str(question.text)
     assert "SN-000001 was interrupted in stage 2" in text
     assert "Is this unit still in slot 1, untouched?" in text
-    assert "这个产品还在装夹位 1 上，没有动过吗？" in sentence(question.text, "zh_CN")
+    assert "这台产品还在装夹位 1 上，没有动过吗？" in sentence(question.text, "zh_CN")
     for words in (
         "SN-000002 (in another slot before)",
         "SN-000003 (not in the slot now)",

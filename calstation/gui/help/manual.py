@@ -54,9 +54,13 @@ def chapters() -> dict[str, list[tuple[str, str]]]:
 
 
 def sorted_titles(paths: list[str], *, keep: bool) -> list[tuple[str, str]]:
-    """Return titles and paths of chapters, unless `keep` sorted by title after those in the current language."""
+    """Return titles and paths of chapters, unless `keep` sorted by title after those in the current language.
+
+    The title of a chapter that is not in the current language says so.
+    """
     titled = [(sections(path)[0].chapter, path) for path in paths]
-    return titled if keep else sorted(titled, key=lambda each: (not _translated(each[1]), each))
+    titled = titled if keep else sorted(titled, key=lambda each: (not _translated(each[1]), each))
+    return [(title if _translated(path) else say("help.english_title", title=title), path) for title, path in titled]
 
 
 def search(words: str) -> list[Section]:

@@ -101,8 +101,10 @@ def register_state(result: Result, runs: Path) -> str:
     return "" if state is None else "  ·  ".join(map(say, state.texts))
 
 
-def next_action(outcome: str, result: Result | None) -> str:
-    """Return the next action for the unit, as a sentence."""
+def next_action(outcome: str, result: Result | None, *, in_batch: bool = False) -> str:
+    """Return the next action for the unit, as a sentence; for one `in_batch`, without the scan of the next unit."""
+    if in_batch and _action(outcome, result) in ("next_unit", "ask_engineer", "set_aside"):
+        return brief_action(outcome, result)  # the line below the tiles says what to scan next
     return say(f"advice.{_action(outcome, result)}")
 
 

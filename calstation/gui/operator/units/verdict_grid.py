@@ -67,7 +67,7 @@ class _VerdictTile(Tile):
         unit = self.unit
         outcome = "failed" if state == "released" else state
         brief = advice.brief_reason(outcome, unit.result), advice.brief_action(outcome, unit.result)
-        whole = advice.reason(outcome, unit.result), advice.next_action(outcome, unit.result)
+        whole = advice.reason(outcome, unit.result), advice.next_action(outcome, unit.result, in_batch=True)
         if state == "released":
             brief, whole = (brief[0], say("advice.released")), (whole[0], say("advice.released"))
         if unit.unverified:
