@@ -492,6 +492,19 @@ def test_nothing_starts_before_interrupted_runs_were_looked_for(operator: Operat
     assert start.isEnabled(), "a later search may wait for other work"
 
 
+def test_scan_while_interrupted_runs_are_looked_for_is_accepted_when_they_were(operator: Operator) -> None:
+    operator.window.app.runs_folder.mkdir(exist_ok=True)
+    operator.window.operator_page._starting.interrupted.recover()
+    operator.scan(SERIAL)
+    start, symbol = operator.widget("start_button", QPushButton), operator.widget("serial_symbol")
+    assert not start.isEnabled()
+    operator.window.app.windows.changed.emit()  # it becomes known that no other window is open
+    operator.until(lambda: not operator.run.reading_runs)
+    operator.until(start.hasFocus)
+    assert symbol.isVisible()
+    assert operator.widget("serial_edit", QLineEdit).text() == SERIAL
+
+
 def test_completed_stages_of_a_resumed_run_are_done_from_the_beginning(operator: Operator) -> None:
     runs = operator.window.app.runs_folder
     runs.mkdir()

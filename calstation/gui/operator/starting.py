@@ -66,6 +66,12 @@ class RunStarter(QObject):
         self._refused_shown = QTimer(self, singleShot=True, interval=_REFUSED_MS)
         self._refused_shown.timeout.connect(self._end_refusal)
         header.start_pressed.connect(self.start)
+        #: Whether a unit was scanned while interrupted runs were looked for; see `_reading_ended`.
+        self._scanned_early = False
+        #: Runs until a search that follows directly has begun.
+        self._after_search = QTimer(self, singleShot=True, interval=0)
+        self._after_search.timeout.connect(self._reading_ended)
+        app.run.changed.connect(self._run_changed)
         header.badge_field.signed_in.connect(self._signed_in)
         header.badge_field.refused.connect(self._badge_refused)
         self.slots.changed.connect(self._note_next)
@@ -193,11 +199,31 @@ class RunStarter(QObject):
             ask(self._notice, "caution", Text("operator.fault_below"), {})
         elif accepted and self._notice.isHidden():
             self._remind()
-        summary = self.run_summary
-        if summary is None or not accepted or self.slots or header.badge_field.required:
+        self._scanned_early = accepted and self._app.run.reading_runs
+        if accepted:
+            self._ask_interrupted()
+
+    def _ask_interrupted(self) -> None:
+        """Ask about an interrupted run of the scanned unit, or about its registers."""
+        summary, header = self.run_summary, self._header
+        if summary is None or self.slots or header.badge_field.required or self._app.run.reading_runs:
             return
-        if not self._app.run.reading_runs and self._interrupted(header.serial, summary.station):
+        if self._interrupted(header.serial, summary.station):
             self.start()
+
+    def _run_changed(self) -> None:
+        if self._scanned_early and not self._app.run.reading_runs:
+            self._after_search.start()
+
+    def _reading_ended(self) -> None:
+        """Accept a unit again that was scanned while START was disabled by the search for interrupted runs."""
+        if not self._scanned_early or self._app.run.reading_runs:
+            return
+        self._scanned_early = False
+        if self._notice.asking or not (self._header.serial or self.slots.full):
+            return
+        if self.check():
+            self._ask_interrupted()
 
     def _remind(self) -> None:
         """Say that units of the last run are left with unverified registers, if other units are scanned."""
@@ -275,7 +301,7 @@ class RunStarter(QObject):
 
     def edited(self) -> None:
         """Remove a notice or question about units after the field or the slots have been edited."""
-        self.refused, self._suggested = None, ""
+        self.refused, self._suggested, self._scanned_early = None, "", False
         self._note_next()
         if self.run_summary is not None and not self._app.run.in_progress:
             self._notice.dismiss()
