@@ -110,6 +110,11 @@ class Check:
         return self.id.name
 
     @property
+    def code(self) -> str:
+        """Code of the sentence that states what the check requires."""
+        return f"check.{self.kind}{'_guarded' if self.acceptance is not None else ''}"
+
+    @property
     def compared_with(self) -> float | tuple[float, float]:
         """The limit, or the acceptance limits if the decision rule narrows it."""
         return self.acceptance or self.limit

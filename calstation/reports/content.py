@@ -54,6 +54,13 @@ class Quantity:
     decision: Decision
     #: Probability that the decision is wrong, a false accept or a false reject; None if the value has no limits.
     risk: float | None = None
+    acceptance: tuple[float, float] | None = None  #: Limits narrowed by the decision rule; None if it narrows none.
+
+    @property
+    def accepted(self) -> tuple[float, float] | None:
+        """Lowest and highest accepted value; None without limits, or if the guard bands leave no value."""
+        accepted = self.acceptance or self.limit
+        return accepted if accepted is not None and accepted[0] <= accepted[1] else None
 
 
 @dataclass(frozen=True)
@@ -205,6 +212,7 @@ def _quantities(result: Result, meta: LogMeta) -> list[Quantity]:
     for check in result.checks:
         if check.kind in ("within", "sigma_below") and decisions.get(check.subject) != "failed":
             decisions[check.subject] = "passed" if check.passed else "failed"
+    acceptance = {check.subject: check.acceptance for check in result.checks if check.kind == "within"}
     judged = {} if result.conformity is None else result.conformity.parameters
     rows = []
     for name, parameter in result.parameters.items():
@@ -224,6 +232,7 @@ def _quantities(result: Result, meta: LogMeta) -> list[Quantity]:
                 as_left=after.get(name),
                 decision=decision,
                 risk=_risk(decision, judged.get(name)),
+                acceptance=acceptance.get(name),
             )
         )
     return rows

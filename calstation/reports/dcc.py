@@ -323,9 +323,12 @@ def _judgement(rows: list[Quantity]) -> list[etree._Element]:
     """Return the limits and decisions of a group, or an empty list if a quantity was not judged."""
     if any(row.decision == "not_judged" for row in rows):
         return []
+    narrowed = [row.accepted for row in rows if row.acceptance is not None and row.accepted is not None]
     limits = {
         ("limit_lower", "basic_toleranceLimitLower"): [row.limit[0] for row in rows if row.limit is not None],
         ("limit_upper", "basic_toleranceLimitUpper"): [row.limit[1] for row in rows if row.limit is not None],
+        ("acceptance_lower", "basic_acceptanceLimitLower"): [low for low, _ in narrowed],
+        ("acceptance_upper", "basic_acceptanceLimitUpper"): [high for _, high in narrowed],
         ("limit_uncertainty", ""): [row.sigma_limit for row in rows if row.sigma_limit is not None],
     }
     quantities = []

@@ -92,6 +92,7 @@ class _Document:
             "simulated": self._say(Text("certificate.d_simulated")) if certificate.meta.is_simulated else None,
             "notices": [self._say(text) for text in self._notices()],
             "rule": self._say(Text(f"certificate.rule_{certificate.rule}")),
+            "guarded": any(quantity.acceptance is not None for quantity in certificate.quantities),
             "coverage_factor": f"{COVERAGE_FACTOR:g}",
             "laboratory": None if laboratory is None else laboratory.model_dump(),
             "unit": {
@@ -182,6 +183,7 @@ class _Document:
             "value": rounded(value, expanded),
             "expanded": rounded(expanded, expanded),
             "limit": NONE if q.limit is None else interval(*q.limit, size, q.value),
+            "accepted": NONE if q.accepted is None else interval(*q.accepted, size, q.value),
             "sigma_limit": NONE if q.sigma_limit is None else limit_text(q.sigma_limit, size, q.sigma),
             "found": rounded(in_display(q.name, q.as_found), expanded),
             "left": rounded(in_display(q.name, q.as_left), expanded),
@@ -195,7 +197,7 @@ class _Document:
         return "undetermined" if q.name in self._result.undetermined else "kept"
 
     def _check_text(self, check: Check) -> str:
-        code, stage = f"check.{check.kind}", check.subject
+        code, stage = check.code, check.subject
         values = {
             "parameter": parameter_name(check.subject, self._language),
             "stage": stage,

@@ -116,6 +116,38 @@ def test_certificate_has_no_names_of_entries_and_limits_as_entered(made: Made, l
             assert len(re.sub(r"\D", "", limit)) <= 4, limit
 
 
+@pytest.mark.parametrize(
+    ("language", "requirement", "column", "bounds"),
+    [
+        ("en", "within its acceptance limit", "Accepted", ("Lower acceptance limit", "Upper acceptance limit")),
+        ("zh_CN", "在接受限内", "接受限", ("接受下限", "接受上限")),
+    ],
+)
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_value_in_the_guard_band_exceeds_its_acceptance_limit(
+    made: Made, language: Language, requirement: str, column: str, bounds: tuple[str, str]
+) -> None:
+    """The value is within its limit, so that the certificate must not name the limit as not met."""
+    result = made.certificate.result
+    guarded = [
+        replace(check, value=0.9 * check.limit[1], acceptance=tuple(0.5 * x for x in check.limit), passed=False)
+        if check.kind == "within" and isinstance(check.limit, tuple)
+        else check
+        for check in result.checks
+    ]
+    data = {**result.to_json(), "outcome": "failed", "passed": False, "checks": [each.to_json() for each in guarded]}
+    certificate = build_certificate(Result.from_json(data), made.certificate.meta, budget=made.analysis.budget)
+    built = document(certificate, made.analysis, language)
+    assert built["verdict_text"].count(requirement) == 4  # and "…"
+    rows = [row for each in built["groups"] for row in each["rows"] if row["decision"] == "failed"]
+    assert all(row["accepted"] not in (row["limit"], "–") for row in rows)
+    assert column in typeset_pages(replace(made, certificate=certificate), language)[0]
+    assert column not in typeset_pages(made, language)[0]
+    names = write_dcc(certificate).decode()
+    assert all(name in names for name in bounds)
+    assert not any(name in write_dcc(made.certificate).decode() for name in bounds)
+
+
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
 def test_certificate_without_laboratory_and_signatories_does_not_name_files(made: Made) -> None:
     plain = replace(made, certificate=replace(made.certificate, laboratory=None, instruments=()))

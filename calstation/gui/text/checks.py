@@ -108,7 +108,7 @@ def _guard(check: Check, unit: str, size: float) -> str:
 def _sentence(check: Check) -> str:
     """Return a sentence that states the quantity compared by a check."""
     sentence = say(
-        f"check.{check.kind}{'_guarded' if check.acceptance is not None else ''}",
+        check.code,
         parameter=parameter_text(check.subject),
         stage=check.subject,
         words=check.subject.replace("_", " "),
