@@ -234,9 +234,10 @@ def verify_reports(folder: Path) -> CertificateState:
     state = verify_trail(site_folder(), every_signature=True)
     heads = database_heads(folder)
     cautions = _missing_runs(folder)
-    faults = [*state.faults, *database_contradictions(state, heads), *report_faults(folder, state)]
+    of_record = report_faults(folder, state)
+    faults = [*state.faults, *database_contradictions(state, heads), *of_record]
     file, missing = report_file(folder).path, unrecorded_reports(folder, state)
-    if missing:
+    if missing and "report.record_damaged" not in (each.code for each in of_record):  # its lines cannot be read
         faults.append(Text.of("report.not_in_record", file=file, count=len(missing), names=_first(missing)))
     if faults:
         return CertificateState((*faults, *cautions), intact=False, cautions=tuple(cautions))

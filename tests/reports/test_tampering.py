@@ -115,6 +115,15 @@ def test_change_of_a_byte_of_trail_or_reports_is_found(site: Path, name: str) ->
         assert found, i
 
 
+def test_damaged_record_of_reports_is_not_said_to_lack_certificates(site: Path) -> None:
+    path = site / "runs" / "reports.jsonl"
+    content = path.read_bytes()
+    path.write_bytes(_flipped(content, content.index(b'"issued"') + 4))
+    codes = [each.code for each in verify_reports(path.parent).findings]
+    assert "report.record_damaged" in codes
+    assert "report.not_in_record" not in codes
+
+
 def _flipped(content: bytes, i: int) -> bytes:
     return content[:i] + bytes([content[i] ^ 1]) + content[i + 1 :]
 
