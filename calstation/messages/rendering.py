@@ -184,13 +184,15 @@ def _labelled(family: str, label: tuple[str | float, ...]) -> Text:
 def local_time(utc: str, *, zone: bool = False) -> str:
     """Format an ISO 8601 time in this computer's time zone, to the minute; any other text is unchanged.
 
-    With `zone`, seconds and the offset of the time zone are added: ``2026-11-22 15:30:05 UTC+08:00``.
+    With `zone`, seconds and the offset of the time zone unless it is 0 are added: ``2026-11-22 15:30:05 UTC+08:00``.
     """
     try:
         local = datetime.fromisoformat(utc).astimezone()
     except ValueError:
         return utc
-    return f"{local:%Y-%m-%d %H:%M:%S} UTC{local.isoformat()[-6:]}" if zone else f"{local:%Y-%m-%d %H:%M}"
+    if not zone:
+        return f"{local:%Y-%m-%d %H:%M}"
+    return f"{local:%Y-%m-%d %H:%M:%S} UTC{local.isoformat()[-6:]}".removesuffix("+00:00")
 
 
 def parameter_name(name: str, language: Language = "en") -> str:

@@ -142,6 +142,14 @@ def in_china(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         time.tzset()
 
 
+def test_utc_is_named_without_an_offset(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TZ", "UTC")
+    time.tzset()
+    assert local_time("2026-11-22T23:30:05+00:00", zone=True) == "2026-11-22 23:30:05 UTC"
+    monkeypatch.undo()
+    time.tzset()
+
+
 @pytest.mark.usefixtures("in_china")
 def test_time_is_shown_in_the_time_zone_of_the_computer() -> None:
     started = "2026-11-22T23:30:05+00:00"
