@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from calstation.cli.confirmation import ask_person
-from calstation.cli.options import JsonOption, check_choice, command_group
+from calstation.cli.options import ByOption, JsonOption, check_choice, command_group
 from calstation.cli.show import emit, ignore_progress
 from calstation.cli.text import say, sentence
 from calstation.config import (
@@ -33,7 +33,7 @@ app = command_group()
 @app.command()
 def audit(
     event: str | None = None,
-    by: str | None = None,
+    by: ByOption = None,
     since: Annotated[str | None, typer.Option(metavar="YYYY-MM-DD")] = None,
     file: Path | None = None,
     restart: Annotated[str | None, typer.Option(metavar="REASON")] = None,
