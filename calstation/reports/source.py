@@ -18,6 +18,7 @@ from calstation.results import (
     Result,
     altered_entry,
     difference,
+    entry_text,
     find_log,
     load_result,
     plain,
@@ -78,9 +79,10 @@ def _run_result(path: Path, result: Result, log: Log) -> Result:
     stored = stored_result(log)
     if stored is None:
         raise InputError("report.no_result_in_log", file=path, log=log.path)
-    entry = altered_entry(_content(path, ()), log.results[-1])
+    content, stated = _content(path, ()), log.results[-1]
+    entry = altered_entry(content, stated)
     if entry is not None:
-        raise InputError("result.altered", file=path, log=log.path, entry=entry)
+        raise InputError("result.altered", file=path, log=log.path, entry=entry_text(entry, stated, content))
     if result.override is None:
         return stored
     require_recorded_release(result, path)

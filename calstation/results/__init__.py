@@ -72,8 +72,10 @@ from calstation.results.run_events import TimedEvent, load_events
 from calstation.results.solver_chain import StageChain, one_blas_thread, solve
 from calstation.results.stated import (
     ADDED_LATER,
+    RELEASE_IN_DOUBT,
     altered_entry,
     difference,
+    entry_text,
     is_release_recorded,
     load_confirmed_result,
     load_run_result,

@@ -16,6 +16,7 @@ from typing import Any
 
 from calstation.config import site_folder
 from calstation.errors import InputError
+from calstation.messages import Text
 from calstation.records import (
     SUFFIX,
     AuditEvent,
@@ -33,6 +34,10 @@ from calstation.results.result import Override, Result, read_content, result_fro
 #: Entries that are added later to the result file of a run: an override, which must be in the audit trail (see
 #: `load_confirmed_result`), and the decision not to resume an interrupted run, which certificates do not state.
 ADDED_LATER = ("override", "closed_utc", "closed_by")
+#: Codes of the errors about a release that the audit trail does not confirm.
+RELEASE_IN_DOUBT = ("result.release_unknown", "result.release_unconfirmed")
+#: Maximum length of a value in a message.
+_MAX_LENGTH = 30
 
 
 def load_run_result(path: Path, *, require_log: bool = False) -> Result:
@@ -61,7 +66,7 @@ def load_run_result(path: Path, *, require_log: bool = False) -> Result:
         return result
     if stored is None and open_log(log).outcome is None:
         raise InputError("result.unconfirmed", file=path, log=log)
-    raise InputError("result.altered", file=path, log=log, entry=entry)
+    raise InputError("result.altered", file=path, log=log, entry=entry_text(entry, stored, content))
 
 
 def load_confirmed_result(path: Path) -> Result:
@@ -72,24 +77,30 @@ def load_confirmed_result(path: Path) -> Result:
 
 
 def require_recorded_release(result: Result, path: Path) -> None:
-    """Raise InputError if the audit trail of the site does not contain the release in a result file."""
-    if result.override is not None and not is_release_recorded(result):
-        raise InputError("result.release_unknown", file=path, by=result.override.by)
+    """Raise InputError if the audit trail of the site was changed, or does not contain the release in a result file."""
+    if result.override is None or is_release_recorded(result):
+        return
+    code = "result.release_unknown" if _releases() is not None else "result.release_unconfirmed"
+    raise InputError(code, file=path, by=result.override.by)
 
 
 def is_release_recorded(result: Result) -> bool:
     """Return whether the site's audit trail is intact and contains the release of a result; may raise InputError."""
+    return (result.log.sha256, result.override) in (_releases() or [])
+
+
+def _releases() -> list[tuple[object, Override]] | None:
+    """Return the digest of the log and the release of every event of the site; None if the trail was changed."""
     folder = site_folder()
     files = (audit_path(folder), head_file(folder), key_file(folder))
     stamps = tuple((s.st_mtime_ns, s.st_size) if (s := _status(file)) is not None else None for file in files)
-    return (result.log.sha256, result.override) in _recorded_releases(folder, stamps)
+    return _recorded_releases(folder, stamps)
 
 
 @lru_cache(maxsize=1)  # many results are compared with one trail
-def _recorded_releases(folder: Path, stamps: object) -> list[tuple[object, Override]]:
-    """Return the digest of the log and the release of every event; none if the trail was changed."""
+def _recorded_releases(folder: Path, stamps: object) -> list[tuple[object, Override]] | None:
     if verify_trail(folder).faults:
-        return []
+        return None
     releases = (event for event in site_events(folder) if event.event == "override")
     return [(event.values.get("log_sha256"), override_of(event)) for event in releases]
 
@@ -129,6 +140,34 @@ def altered_entry(content: Mapping[str, Any], stored: Mapping[str, Any] | None) 
         return "outcome" if content.get("outcome") == Verdict.PASSED else None
     stated = {key: value for key, value in content.items() if key not in ADDED_LATER}
     return difference(_without_path(stated), _without_path(stored), 0.0)
+
+
+def entry_text(entry: str, stored: Mapping[str, Any] | None, stated: Mapping[str, Any]) -> Text:
+    """Return the name of a differing entry, with its values in the log and in the file if both are short.
+
+    Parameters
+    ----------
+    entry : name of the entry, as from `difference`
+    stored : result in the log; None if it contains none
+    stated : content of the result file
+    """
+    values = [_short_value(content, entry) for content in (stored or {}, stated)]
+    if None in values:
+        return Text.of("result.entry", entry=entry)
+    return Text.of("result.entry_values", entry=entry, stored=values[0], stated=values[1])
+
+
+def _short_value(content: Any, entry: str) -> str | None:
+    """Return the JSON of a short number, text or truth value in a result; None if it is missing or long."""
+    for key in entry.split("."):
+        if isinstance(content, list) and key.isdecimal() and int(key) < len(content):
+            content = content[int(key)]
+        elif isinstance(content, dict) and key in content:
+            content = content[key]
+        else:
+            return None
+    text = json.dumps(content, ensure_ascii=False)
+    return None if isinstance(content, dict | list) or len(text) > _MAX_LENGTH else text
 
 
 def content_digest(content: Mapping[str, Any]) -> str:

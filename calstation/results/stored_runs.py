@@ -26,6 +26,7 @@ from calstation.records import (
 from calstation.results.result import NO_RESULT, Result
 from calstation.results.stated import (
     ADDED_LATER,
+    RELEASE_IN_DOUBT,
     altered_entry,
     content_digest,
     load_confirmed_result,
@@ -119,7 +120,7 @@ def _release_doubt(record: RunRecord) -> Text | None:
         if record.altered and record.result is not None:
             load_confirmed_result(record.result)
     except InputError as error:
-        return error.as_text if error.code == "result.release_unknown" else None
+        return error.as_text if error.code in RELEASE_IN_DOUBT else None
     return None
 
 

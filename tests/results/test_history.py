@@ -14,6 +14,7 @@ from helpers import ignore_progress
 
 from calstation.config import site_folder
 from calstation.errors import InputError
+from calstation.messages import Language, render
 from calstation.records import (
     CheckId,
     IndexedRun,
@@ -31,6 +32,8 @@ from calstation.results import (
     History,
     altered_entry,
     check_runs,
+    entry_text,
+    load_run_result,
     override_of,
     refresh_history,
     result_doubt,
@@ -317,6 +320,23 @@ def test_stored_result_without_the_path_of_its_log_is_compared(log: Any) -> None
     other = {"outcome": "failed"} if log is None else {"outcome": "failed", "log": log}
     expected = None if isinstance(log, dict) else "log"
     assert (altered_entry(stored, other), altered_entry(other, stored)) == (expected, expected)
+
+
+@pytest.mark.parametrize(
+    ("language", "said"),
+    [
+        ("en", "(entry passed: false in the log, true in the file)."),
+        ("zh_CN", "（条目 passed：数据记录中为 false，文件中为 true）。"),
+    ],
+)
+def test_changed_entry_is_named_with_its_values(tmp_path: Path, language: Language, said: str) -> None:
+    path = write(tmp_path, "a", "SN-1", "failed", 1, passed=False)
+    write_log_of(path)
+    write(tmp_path, "a", "SN-1", "failed", 1, passed=True)
+    with raises_code(InputError, "result.altered") as caught:
+        load_run_result(path)
+    assert said in render("result.altered", caught.value.values, language).text
+    assert entry_text("parameters.gyro_bias_x", {}, {"parameters": {"gyro_bias_x": [1]}}).code == "result.entry"
 
 
 def test_decision_not_to_resume_does_not_alter_a_result(tmp_path: Path) -> None:

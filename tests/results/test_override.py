@@ -8,8 +8,16 @@ import pytest
 
 from calstation.config import Confirmation, Person, access, confirm, library
 from calstation.errors import ConfigurationError, InputError
+from calstation.messages import render
 from calstation.records import RunFilter, audit_path, read_audit, restart_trail
-from calstation.results import History, is_release_recorded, load_result, override_required, override_result
+from calstation.results import (
+    History,
+    is_release_recorded,
+    load_confirmed_result,
+    load_result,
+    override_required,
+    override_result,
+)
 from calstation.results import override as override_module
 from tests.helpers import ignore_progress, raises_code
 from tests.results.test_history import write
@@ -124,6 +132,11 @@ def test_release_on_a_changed_trail_is_refused_and_an_earlier_one_remains_known_
         release(other)
     assert "override" not in json.loads(other.read_text("utf-8"))
     assert not is_release_recorded(load_result(failed))
+    with raises_code(InputError, "result.release_unconfirmed") as caught:
+        load_confirmed_result(failed)
+    for language, forged in (("en", "remove its entry"), ("zh_CN", "删除其中的 override 项")):
+        text = render(caught.value.code, caught.value.values, language)
+        assert forged not in text.text + text.remedy
     trail.write_bytes(content)
     assert is_release_recorded(load_result(failed))
     restart_trail(home, "li", "exercise", None)

@@ -42,7 +42,7 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import Text, entry, known, local_time
 from calstation.records import IndexedRun, ResolveRecord, RunRecord, Verdict
-from calstation.results import Result, lacks_log, number_ranges, run_outcome
+from calstation.results import RELEASE_IN_DOUBT, Result, lacks_log, number_ranges, run_outcome
 
 #: Maximum number of listed failed checks.
 _MAX_FAILED = 8
@@ -206,7 +206,7 @@ class RunDetails(QFrame):
 
     def _outcome_in_doubt(self, run: RunRecord) -> str:
         """Return the outcome of a run without its unrecorded release; "" if the log is in doubt."""
-        if self._doubt is None or self._doubt.code != "result.release_unknown":
+        if self._doubt is None or self._doubt.code not in RELEASE_IN_DOUBT:
             return ""
         return say("history.without_release", outcome=run_outcome(replace(run, altered=False)))
 
