@@ -126,7 +126,7 @@ def test_run_is_not_resumed_after_registers_were_written_since_its_start(
     *,
     resumed: bool,
 ) -> None:
-    log = write_dead_log(site_folder.runs, UNIT, solved=2, station=STATION)
+    log = write_dead_log(site_folder.runs, UNIT, solved=2, station=STATION, seed=5)
     write_transfer(site_folder, monkeypatch, hours_ago, *steps, closing=closing)
     finish_incomplete(site_folder.runs)
     assert load_result(log.with_suffix(".json")).advice == ("resume" if resumed else "repeat")
