@@ -14,16 +14,18 @@ import pytest
 import tomli_w
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QTabBar, QTableView
+from pytestqt.qtbot import QtBot
 from synthetic.run_history import synthesise_runs
 
 from calstation.cli.app import run_app
 from calstation.config import library
 from calstation.estimation.positions import TABLE_QUANTITIES
 from calstation.gui.quality import QualityPage, study_view
+from calstation.gui.quality.yield_view import YieldView
 from calstation.gui.text import language, parameter_text, with_minus
 from calstation.gui.widgets import theme
 from calstation.physics import NAMES, display
-from calstation.quality import BASELINE, FailedCheck, GaugePlan, StationQuality, TableChart
+from calstation.quality import BASELINE, FailedCheck, GaugePlan, StationQuality, TableChart, Yields
 from calstation.records import CheckId
 from calstation.results import History, load_result
 from tests.gui.conftest import Operator
@@ -179,6 +181,23 @@ def test_number_of_runs_is_stated_until_a_chart_is_possible(
     period.setCurrentIndex(period.findData(7))
     operator.until(lambda: not page.busy and longer in operator.says())
     assert title in operator.says()
+    language.use("en")
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [("en", "Not shown: 2 checks that failed less often"), ("zh_CN", "另有 2 项较少不合格的检查未显示")],
+)
+def test_chart_of_failed_checks_states_how_many_it_omits(qtbot: QtBot, code: str, said: str) -> None:
+    names = ("gyro_bias", "gyro_scale", "accel_bias")
+    ids = [CheckId("within", f"{name}_{axis}") for name in names for axis in "xyz"]
+    checks = tuple(FailedCheck(each, 1, (k + 1) / len(ids)) for k, each in enumerate(ids))
+    language.use(code)
+    view = YieldView()
+    qtbot.addWidget(view)
+    for shown, text in ((checks, said), (checks[:7], "")):
+        view.show_data(Yields(None, None, None, {}, {}, {}, {}, shown))
+        assert view.others_label.text() == text
     language.use("en")
 
 

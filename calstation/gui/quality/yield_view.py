@@ -20,6 +20,7 @@ from calstation.gui.widgets import (
     column,
     label,
     row,
+    show_text,
     split,
     stack,
     theme,
@@ -54,9 +55,12 @@ class YieldView(QWidget, DataView[Yields]):
         self.days, self.pareto = DailyYield(), Pareto()
         self.table = CellTable("yield_table", "quality.yield_table", _COLUMNS, named=False)
         titles = label("quality.yield_by_day", "muted"), label("quality.failed_checks", "muted")
+        self.others_label = label(kind="muted", name="yield_others_label")
         self._no_failures = EmptyState()
         self._failures = stack(self.pareto, self._no_failures)
-        plots = box(titles[0], (self.days, 4), titles[1], (self._failures, 5), spacing=theme.GRID // 2)
+        plots = box(
+            titles[0], (self.days, 4), titles[1], (self._failures, 5), self.others_label, spacing=theme.GRID // 2
+        )
         head = row(self.overall_label, 2 * theme.GRID, self.first_label, None)
         body = split((plots, 5), (self.table, 4), handle=2 * theme.GRID)
         column(head, (body, 1), on=self, margins=(0, theme.GRID, 0, 0))
@@ -72,6 +76,8 @@ class YieldView(QWidget, DataView[Yields]):
     def draw(self, data: Yields) -> None:
         """Show the yields."""
         self._no_failures.say("chart.no_failed_checks")
+        others = len(data.failed_checks[_MAX_CHECKS:])
+        show_text(self.others_label, say("quality.other_checks", count=others) if others else "")
         if data.overall is None or data.units is None:
             return
         # the yield and the first-pass yield count units, so that repeated runs of a unit do not lower only one of them
