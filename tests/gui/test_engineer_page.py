@@ -905,6 +905,8 @@ def test_preview_without_limits_does_not_call_them_reached(
     language.use(words)
     view._done(Preview((stage,), none, none, none, (), sigma, limits, {}, ((-1.0, 1.0), (-1.0, 1.0))))
     assert any(text in label.text() for label in view.findChildren(QLabel))
+    excluded = "Stages without warm-up and transfer: " if words == "en" else "各阶段（不含预热和传输）"
+    assert any(excluded in label.text() for label in view.findChildren(QLabel))
 
 
 @pytest.mark.parametrize(
