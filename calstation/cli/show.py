@@ -22,7 +22,15 @@ from calstation.escaping import for_terminal
 from calstation.jobs import ProgressCallback
 from calstation.judgement import Check, Where
 from calstation.messages import Text, known
-from calstation.physics import DEGREE, display, display_by_unit, number, unit_of_parameter
+from calstation.physics import (
+    DEGREE,
+    compared_number,
+    display,
+    display_by_unit,
+    limit_numbers,
+    number,
+    unit_of_parameter,
+)
 from calstation.records import Verdict
 from calstation.results import PositionResidual, Result, value_decisions, write_json
 
@@ -150,10 +158,14 @@ def result_table(console: Console, result: Result) -> None:
     for name, row in result.compared.items():
         (value, unit), sigma = display(name, row.value), display(name, row.sigma)[0]
         within, below = limits.pop(("within", name), None), limits.pop(("sigma_below", name), None)
-        limits_text = "" if within is None else _interval_text(name, within.compared_with)
-        largest_sigma = "" if below is None else f"{display(name, _bounds(below)[-1])[0]:.3g}"
+        size = unit_of_parameter(name)[1]
+        limit, sigma_limit = (None if check is None else check.compared_with for check in (within, below))
+        limits_text = "" if limit is None else _interval_text(limit, size, row.value)
+        largest_sigma = "" if sigma_limit is None else limit_numbers(sigma_limit, size, row.sigma)[-1]
+        value_text = compared_number(number(value, sigma), size, row.value, limit)
+        sigma_text = compared_number(f"{sigma:.2g}", size, row.sigma, sigma_limit)
         verdict = _verdict_text(name in result.undetermined, [c for c in (within, below) if c is not None])
-        table.add_row(name, number(value, sigma), f"{sigma:.2g}", unit, limits_text, largest_sigma, verdict)
+        table.add_row(name, value_text, sigma_text, unit, limits_text, largest_sigma, verdict)
     for column in (*table.columns[:3], table.columns[-1]):  # a narrow terminal shortens the others
         column.min_width = max((len(str(cell)) for cell in column.cells), default=0)
     if result.parameters:
@@ -226,11 +238,12 @@ def _check_line(check: Check) -> str:
     location = say("cli.at_where", where=_location_text(check.where)) if str(check.where) else ""
     code = f"cli.check_{check.kind}"
     name = say(code) if known(code) else check.name
-    bounds = [f"{bound / size:.4g}" for bound in _bounds(check)]
+    low, high = limit_numbers(check.compared_with, size, check.value)
+    value = compared_number(f"{check.value / size:.4g}", size, check.value, check.compared_with)
     what = say("common.limit_column" if check.acceptance is None else "common.acceptance_limit_column")
-    values = {"name": name, "value": f"{check.value / size:.4g}{unit}", "where": location}
+    values = {"name": name, "value": f"{value}{unit}", "where": location}
     values |= {"verdict": say(verdict, limit=what), "what": what}
-    limit = interval(*bounds) if len(bounds) == 2 else bounds[0]
+    limit = interval(low, high) if isinstance(check.compared_with, tuple) else high
     return say("cli.checked", **values, limit=f"{limit}{unit}")
 
 
@@ -240,17 +253,12 @@ def _location_text(where: Where) -> str:
     return f"{term('stage', where.stage).lower()} {say(where.rests.code, **where.rests.values)}"
 
 
-def _bounds(check: Check) -> tuple[float, ...]:
-    limit = check.compared_with
-    return limit if isinstance(limit, tuple) else (limit,)
-
-
-def _interval_text(name: str, limit: float | tuple[float, float]) -> str:
+def _interval_text(limit: float | tuple[float, float], size: float, value: float) -> str:
     bounds = limit if isinstance(limit, tuple) else (-math.inf, limit)
     if bounds[0] > bounds[1]:  # the guard band leaves nothing
         return "–"
-    low, high = (display(name, bound)[0] for bound in bounds)
-    return f"±{high:.4g}" if low == -high else interval(f"{low:.4g}", f"{high:.4g}")
+    low, high = limit_numbers(limit, size, value)
+    return f"±{high}" if bounds[0] == -bounds[1] else interval(low, high)
 
 
 def _verdict_text(unobservable: bool, checks: list[Check]) -> str:

@@ -111,6 +111,8 @@ def limit_number(limit: float, size: float, value: float = math.nan) -> str:
     limit, value : limit and the value compared with it, SI; NaN without a value
     size : size of the unit in SI
     """
+    if not math.isfinite(limit):
+        return str(limit)
     shown, compared = limit / size, value / size
     entered = len(Decimal(repr(float(limit))).normalize().as_tuple().digits)
     exponent = math.floor(math.log10(abs(shown))) if shown else 0
@@ -120,6 +122,51 @@ def limit_number(limit: float, size: float, value: float = math.nan) -> str:
         if math.isnan(compared) or (compared <= shown) == (compared <= float(text)):
             break
     return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def limit_numbers(limit: float | tuple[float, float], size: float, value: float = math.nan) -> tuple[str, str]:
+    """Return the texts of a lower and an upper limit, see `limit_number`; a missing one is ``-inf``.
+
+    Parameters
+    ----------
+    limit : upper limit, or lower and upper limit, SI
+    size : size of the unit in SI
+    value : value compared with the limits, SI
+    """
+    low, high = limit if isinstance(limit, tuple) else (-math.inf, limit)
+    if low == -high:  # shown after one ±
+        text = limit_number(high, size, abs(value))
+        return f"-{text}", text
+    return limit_number(low, size, value), limit_number(high, size, value)
+
+
+def compared_number(
+    text: str, size: float, value: float, *limits: float | tuple[float, float] | None, factor: float = 1.0
+) -> str:
+    """Return the text of a value, or the value with more digits if the text contradicts the comparison with a limit.
+
+    Parameters
+    ----------
+    text : the rounded value in the unit
+    size : size of the unit in SI
+    value : value, SI
+    *limits : upper limits, or lower and upper limits, SI, formatted by `limit_numbers`; None for no limit
+    factor : factor of the text that the limits do not contain, as of an expanded uncertainty
+    """
+    if not math.isfinite(value):
+        return text
+    ranges = []
+    for limit in limits:
+        if limit is not None:
+            low, high = limit if isinstance(limit, tuple) else (-math.inf, limit)
+            low_shown, high_shown = map(float, limit_numbers(limit, size, value))
+            ranges.append((factor * low_shown, factor * high_shown, low <= value <= high))
+    decimals = max(0, -int(Decimal(text).as_tuple().exponent))
+    candidates = (text, *(f"{factor * value / size:.{n}f}" for n in range(decimals, decimals + 12)))
+    for candidate in candidates:
+        if all((low <= float(candidate) <= high) is inside for low, high, inside in ranges):
+            return candidate
+    return text
 
 
 def from_unit(value: float, size: float) -> float:

@@ -44,6 +44,7 @@ from calstation.reports.deviations import deviations, not_included
 from calstation.reports.numbers import (
     NONE,
     check_unit,
+    compared,
     exact,
     in_display,
     interval,
@@ -180,8 +181,8 @@ class _Document:
         size = unit_of_parameter(q.name)[1]
         return {
             "axis": axis_of(group, q.name),
-            "value": rounded(value, expanded),
-            "expanded": rounded(expanded, expanded),
+            "value": compared(rounded(value, expanded), size, q.value, q.limit),
+            "expanded": compared(rounded(expanded, expanded), size, q.sigma, q.sigma_limit, COVERAGE_FACTOR),
             "limit": NONE if q.limit is None else interval(*q.limit, size, q.value),
             "accepted": NONE if q.accepted is None else interval(*q.accepted, size, q.value),
             "sigma_limit": NONE if q.sigma_limit is None else limit_text(q.sigma_limit, size, q.sigma),
@@ -221,7 +222,7 @@ class _Document:
             limit = f"≤ {limit_text(check.limit, size, check.value)}"
         return {
             "text": self._check_text(check),
-            "value": short(check.value / size),
+            "value": compared(short(check.value / size), size, check.value, check.limit),
             "limit": limit,
             "unit": unit,
             "decision": "passed" if check.passed else "failed",

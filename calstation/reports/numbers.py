@@ -3,7 +3,7 @@
 import math
 
 from calstation.messages import with_minus
-from calstation.physics import display, limit_number, unit_of
+from calstation.physics import compared_number, display, limit_number, limit_numbers, unit_of
 
 #: Text of a number that is unknown.
 NONE = "–"
@@ -19,8 +19,16 @@ def decimal_places(uncertainty: float) -> int:
     return 1 - int(f"{uncertainty:.1e}".partition("e")[2])
 
 
-def rounded(value: float | None, uncertainty: float) -> str:
-    """Return a value rounded to the second significant digit of its uncertainty."""
+def rounded(value: float | None, uncertainty: float, limit: float | tuple[float, float] | None = None) -> str:
+    """Return a value rounded to the second significant digit of its uncertainty.
+
+    It has more digits if the rounded value contradicts its comparison with `limit`, see `limit_text`.
+
+    Parameters
+    ----------
+    value, uncertainty : value and its uncertainty, in the display unit
+    limit : upper limit, or lower and upper limit, in the display unit; None for no limit
+    """
     if value is None or not math.isfinite(value):
         return NONE
     if not 0.0 < uncertainty < math.inf:
@@ -46,6 +54,15 @@ def short(value: float) -> str:
     return with_minus(text)
 
 
+def compared(
+    text: str, size: float, value: float, limit: float | tuple[float, float] | None, factor: float = 1.0
+) -> str:
+    """Return the text of a value, or more of its digits if the text contradicts its limit; see `compared_number`."""
+    if text == NONE or "×" in text:
+        return text
+    return with_minus(compared_number(text.replace("\u2212", "-"), size, value, limit, factor=factor))
+
+
 def exact(value: float) -> str:
     """Format a number with up to seven digits."""
     return with_minus(f"{value:.7g}") if 1e-4 <= abs(value) < 1e7 else short(value)
@@ -61,9 +78,10 @@ def limit_text(limit: float, size: float, value: float) -> str:
 
 def interval(low: float, high: float, size: float, value: float) -> str:
     """Return the text of a permitted interval, rounded as `limit_text` does."""
+    texts = limit_numbers((low, high), size, value)
     if low == -high:
-        return f"±{limit_text(high, size, abs(value))}"
-    return f"{limit_text(low, size, value)} … {limit_text(high, size, value)}"
+        return f"±{texts[1]}"
+    return " … ".join(with_minus(text) if math.isfinite(float(text)) else NONE for text in texts)
 
 
 def check_unit(unit: str) -> tuple[str, float]:

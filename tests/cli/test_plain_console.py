@@ -35,3 +35,14 @@ def test_sample_rate_is_shown_in_ppm() -> None:
     result_table(plain_console(file=out, width=120), result)
     assert "13.39 ppm" in out.getvalue()
     assert "95.79 ppm" in out.getvalue()
+
+
+def test_a_sigma_that_exceeds_its_limit_is_shown_larger() -> None:
+    out = io.StringIO()
+    check = Check.compare("sigma_below", 1.9034e-5, 1.9e-5, "rad/s", subject="gyro_bias_x")
+    rows = {"gyro_bias_x": {"value": 1e-6, "sigma": 1.9034e-5, "unit": "rad/s", "stage": "rate"}}
+    unit = {"schema": "calstation.result/1", "unit": {"serial": "SN-1"}, "stages": ["rate"], "outcome": "failed"}
+    result = Result.from_json({**unit, "parameters": rows, "log": {"file": "log.h5"}, "checks": [check.to_json()]})
+    result_table(plain_console(file=out, width=120), result)
+    (line,) = (line.split() for line in out.getvalue().splitlines() if line.split()[:1] == ["gyro_bias_x"])
+    assert line[2:5] == ["3.93", "°/h", "3.9"]

@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
 from calstation.estimation import Diagnosis
+from calstation.gui.engineer.result_view import _cells
 from calstation.gui.operator import advice
 from calstation.gui.operator.questions import ask as ask_notice
 from calstation.gui.operator.verdict import FiguresTable
@@ -18,6 +19,7 @@ from calstation.gui.widgets import theme
 from calstation.judgement import Check, Where
 from calstation.messages import Text, catalogue
 from calstation.physics import limit_number
+from calstation.results import FinishedRun
 from calstation.sequencer import Fault
 from tests.check_rows import check_row
 from tests.gui.conftest import Operator, result_with
@@ -63,6 +65,26 @@ def test_limits_have_as_many_digits_as_were_entered(limit: float, value: float, 
 def test_checks_have_units_and_numbers_without_exponents(check: Check, value: str, limit: str, unit: str) -> None:
     text = check_text(check)
     assert (text.value, text.limit, text.unit) == (value, limit, unit)
+
+
+@pytest.mark.parametrize(("sigma", "shown", "limit"), [(1.9034e-5, "3.93", "3.9"), (1.8994e-5, "3.9", "3.918")])
+def test_a_sigma_and_its_limit_are_shown_as_they_compare(sigma: float, shown: str, limit: str) -> None:
+    check = Check.compare(
+        "sigma_below", sigma, 1.9e-5 if sigma > 1.9e-5 else 1.89945e-5, "rad/s", subject="gyro_bias_x"
+    )
+    row = {"value": 1e-6, "sigma": sigma, "unit": "rad/s", "stage": "rate"}
+    outcome = "passed" if check.passed else "failed"
+    result = result_with(parameters={"gyro_bias_x": row}, stages=["rate"], outcome=outcome, checks=[check.to_json()])
+    (figure,) = advice.figures(result)
+    assert (figure.sigma, figure.limit) == (shown, f"σ ≤ {limit}")
+    assert check_text(check).limit == f"≤ {limit}"
+    cells = _cells(FinishedRun(result, None, {}), "gyro_bias_x")
+    assert (cells["sigma"], cells["sigma_limit"]) == (shown, limit)
+
+
+def test_a_checked_value_that_exceeds_its_limit_is_shown_larger() -> None:
+    text = check_text(Check.compare("sample_clock", 9.57948e-5, 9.5791e-5, "1"))
+    assert (text.value, text.limit) == ("95.795", "≤ 95.79")
 
 
 def test_check_of_rising_and_falling_temperature_names_half_the_difference() -> None:

@@ -8,7 +8,7 @@ import pytest
 from calstation.messages import Language
 from calstation.physics import DEGREE_PER_HOUR, DISPLAY
 from calstation.reports.content import performed
-from calstation.reports.numbers import interval, limit_text, rounded, short
+from calstation.reports.numbers import compared, interval, limit_text, rounded, short
 from calstation.reports.schedule import schedule_words
 from calstation.results import SCHEMA, Result
 
@@ -31,6 +31,15 @@ def test_value_is_rounded_to_the_second_digit_of_its_uncertainty(
     value: float | None, uncertainty: float, text: str
 ) -> None:
     assert rounded(value, uncertainty) == text
+
+
+def test_values_have_more_digits_if_the_rounded_value_contradicts_the_decision() -> None:
+    limit = (-0.5, 0.5)
+    assert compared("−0.50", 1.0, -0.504, limit) == "−0.504"
+    assert compared("−0.50", 1.0, -0.496, limit) == "−0.50"
+    assert compared("7.8", 1.0, 3.914, 3.9, 2.0) == "7.83", "the uncertainty exceeds the permitted one"
+    assert compared("–", 1.0, math.nan, limit) == "–"
+    assert compared("1 × 10⁻⁷", 1.0, 1e-7, 1.0) == "1 × 10⁻⁷"
 
 
 def test_limits_are_printed_as_they_were_entered_unless_that_contradicts_the_decision() -> None:

@@ -1,5 +1,6 @@
 """Preview of the selected stages: motion, duration, violated limits and expected sigmas, computed before the run."""
 
+import math
 from collections.abc import Callable
 from functools import partial
 
@@ -32,7 +33,7 @@ from calstation.gui.widgets import (
     time_unit,
 )
 from calstation.messages import Text
-from calstation.physics import INDEX, NAMES, display, limit_number
+from calstation.physics import INDEX, NAMES, compared_number, display, limit_number, unit_of_parameter
 from calstation.results import Preview, Violation, compute_preview
 
 
@@ -245,16 +246,19 @@ def _cells(preview: Preview, name: str) -> dict[str, str]:
         verdict, state = "undetermined", "bad"
     elif reached is not False and any(name in stage.missed for stage in preview.stages):
         verdict, state = "target_missed", "caution"
+    expected, limit, (unit, size) = _expected(preview, name), preview.limits.get(name), unit_of_parameter(name)
     cells = {
-        "unit": display(name, 0.0)[1],
+        "unit": unit,
         "before": _sigma_text(name, float(preview.before[INDEX[name]])),
-        "limit": "" if name not in preview.limits else _limit_text(preview, name),
+        "limit": "" if limit is None else limit_number(limit, size, math.nan if expected is None else expected),
         "target": _sigma_text(name, preview.targets.get(name)),
         "verdict": say(f"engineer.expected_{verdict}"),
         "state": state,
     }
     for number, stage in enumerate(preview.stages):
         sigma = "—" if stage.sigma is None else _sigma_text(name, float(stage.sigma[INDEX[name]]))
+        if number == len(preview.stages) - 1 and expected is not None:
+            sigma = compared_number(sigma, size, expected, limit)
         cells |= {f"after_{number}": sigma, f"gain_{number}": _gain_text(preview, number, name)}
     return cells
 
@@ -279,16 +283,14 @@ def _names(preview: Preview) -> tuple[str, ...]:
 
 def _reached(preview: Preview, name: str) -> bool | None:
     """Return whether the expected sigma of a parameter meets its limit, or None if either is unknown."""
-    sigma = preview.stages[-1].sigma if preview.stages else None
-    limit = preview.limits.get(name)
-    return None if sigma is None or limit is None else float(sigma[INDEX[name]]) <= limit
+    expected, limit = _expected(preview, name), preview.limits.get(name)
+    return None if expected is None or limit is None else expected <= limit
 
 
-def _limit_text(preview: Preview, name: str) -> str:
-    """Return the sigma limit of a parameter, rounded as it was entered."""
+def _expected(preview: Preview, name: str) -> float | None:
+    """Return the sigma of a parameter after the last stage, SI, or None if it is unknown."""
     sigma = preview.stages[-1].sigma if preview.stages else None
-    expected = float("nan") if sigma is None else float(sigma[INDEX[name]])
-    return limit_number(preview.limits[name], 1.0 / display(name, 1.0)[0], expected)
+    return None if sigma is None else float(sigma[INDEX[name]])
 
 
 def _sigma_text(name: str, sigma: float | None) -> str:

@@ -34,7 +34,7 @@ from calstation.gui.widgets import (
 )
 from calstation.judgement import Check
 from calstation.messages import local_time
-from calstation.physics import NAMES, display, further_parameter, limit_number, number
+from calstation.physics import NAMES, compared_number, display, further_parameter, limit_number, limit_numbers, number
 from calstation.records import CheckKind
 from calstation.results import (
     FinishedRun,
@@ -191,10 +191,12 @@ def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
     value, unit = _display(name, parameter.value)
     sigma, _ = _display(name, parameter.sigma)
     size = 1.0 / _display(name, 1.0)[0]
+    within, below = (checks.get(kind) for kind in ("within", "sigma_below"))
+    limits = () if within is None else (within.limit, within.acceptance)
     cells = {
         "unit": unit or parameter.unit,
-        "value": number(value, sigma),
-        "sigma": number(sigma, sigma),
+        "value": compared_number(number(value, sigma), size, parameter.value, *limits),
+        "sigma": compared_number(number(sigma, sigma), size, parameter.sigma, None if below is None else below.limit),
         "stage": term("stage", parameter.stage),
         "verdict": say(f"engineer.verdict_{verdict}"),
         "verdict_state": _SHAPES.get(verdict, ""),
@@ -211,18 +213,14 @@ def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
         cells["in_sigma"] = "0" if before == now else sigmas_text(sigmas)
         if abs(sigmas) > NOTABLE_SIGMAS:
             cells["change_state"] = "caution"
-    if "within" in checks:
-        check = checks["within"]
-        for key, interval in (("limit", check.limit), ("accepted", check.acceptance)):
-            if isinstance(interval, tuple):
-                low, high = (limit_number(bound, size, parameter.value) for bound in interval)
-                magnitude = interval[0] == -interval[1]
-                bound = limit_number(interval[1], size, abs(parameter.value))
-                cells[key] = f"±{bound}" if magnitude else f"{low} … {high}"
-        if check.acceptance is not None and check.acceptance[0] > check.acceptance[1]:
-            cells["accepted"] = _NONE
-    if "sigma_below" in checks and not isinstance(checks["sigma_below"].limit, tuple):
-        cells["sigma_limit"] = limit_number(checks["sigma_below"].limit, size, parameter.sigma)
+    for key, interval in zip(("limit", "accepted"), limits, strict=False):
+        if isinstance(interval, tuple):
+            low, high = limit_numbers(interval, size, parameter.value)
+            cells[key] = f"±{high}" if interval[0] == -interval[1] else f"{low} … {high}"
+            if interval[0] > interval[1]:  # the guard band leaves nothing
+                cells[key] = _NONE
+    if below is not None and not isinstance(below.limit, tuple):
+        cells["sigma_limit"] = limit_number(below.limit, size, parameter.sigma)
     return cells
 
 

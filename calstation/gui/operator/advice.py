@@ -22,7 +22,7 @@ from calstation.gui.text import (
 )
 from calstation.judgement import Check
 from calstation.messages import joined, local_time
-from calstation.physics import GROUPS, INDEX, PARAMETERS, display, number
+from calstation.physics import GROUPS, INDEX, PARAMETERS, compared_number, display, number, unit_of_parameter
 from calstation.registers import run_registers
 from calstation.results import Parameter, Result
 
@@ -264,7 +264,8 @@ def _ratio(check: Check | None) -> float:
 
 def _figure(name: str, row: Parameter, within: Check | None, below: Check | None) -> Figure:
     """Return the figure of a parameter from the checks of its value and its sigma."""
-    (value, unit), (sigma, _) = display(name, row.value), display(name, row.sigma)
+    (value, unit), (sigma, _), size = display(name, row.value), display(name, row.sigma), unit_of_parameter(name)[1]
+    limits = [None if check is None else check.compared_with for check in (within, below)]
     by_sigma = _ratio(below) > _ratio(within)
     limit = "" if within is None else check_text(within).limit
     if by_sigma and below is not None:
@@ -272,8 +273,8 @@ def _figure(name: str, row: Parameter, within: Check | None, below: Check | None
     both = [check for check in (within, below) if check is not None]
     return Figure(
         name=parameter_text(name),
-        value=with_minus(number(value, sigma)),
-        sigma=number(sigma, sigma),
+        value=with_minus(compared_number(number(value, sigma), size, row.value, limits[0])),
+        sigma=compared_number(number(sigma, sigma), size, row.sigma, limits[1]),
         limit=limit,
         unit=unit,
         passed=all(check.passed for check in both),

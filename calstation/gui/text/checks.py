@@ -8,7 +8,18 @@ from calstation.gui.text import language
 from calstation.gui.text.messages import about, say, term, with_minus
 from calstation.judgement import Check, Where
 from calstation.messages import Text, parameter_name
-from calstation.physics import ARCSECOND, DEGREE, INDEX, MICRO_G, PARAMETERS, display, further_parameter, limit_number
+from calstation.physics import (
+    ARCSECOND,
+    DEGREE,
+    INDEX,
+    MICRO_G,
+    PARAMETERS,
+    compared_number,
+    display,
+    further_parameter,
+    limit_number,
+    limit_numbers,
+)
 from calstation.records import CheckId
 
 #: Kinds of checks in the ``[checks]`` section of a product.
@@ -58,7 +69,7 @@ def check_text(check: Check) -> CheckText:
     verdict = "failed" if not check.passed else "near_miss" if check.near_miss else "passed"
     return CheckText(
         sentence=_sentence(check),
-        value=_number(check.value, size),
+        value=_number(check.value, size, check.compared_with),
         limit=_limit(check.compared_with, size, check.value),
         margin=_number(check.margin, size),
         unit=unit,
@@ -136,16 +147,17 @@ def _unit(check: Check) -> tuple[str, float]:
     return _DISPLAY_UNITS.get(check.unit, (check.unit, 1.0))
 
 
-def _number(value: float, size: float) -> str:
-    """Format a value in a unit of the given size, without an exponent."""
+def _number(value: float, size: float, *limits: float | tuple[float, float]) -> str:
+    """Format a value in a unit of the given size, without an exponent, so that it agrees with its limits."""
     if not math.isfinite(value):
         return "–"
-    value /= size
-    if 0.0 < abs(value) < _SMALLEST:
+    shown = value / size
+    if 0.0 < abs(shown) < _SMALLEST:
         return f"< {_SMALLEST:.6f}"
-    if abs(value) >= _LARGEST:
+    if abs(shown) >= _LARGEST:
         return f"> {_LARGEST:.0f}"
-    return with_minus(f"{value:.0f}" if abs(value) >= 1000.0 else _plain(f"{value:.4g}"))
+    text = f"{shown:.0f}" if abs(shown) >= 1000.0 else _plain(f"{shown:.4g}")
+    return with_minus(compared_number(text, size, value, *limits))
 
 
 def _plain(text: str) -> str:
@@ -156,19 +168,16 @@ def _plain(text: str) -> str:
 def _limit(limit: float | tuple[float, float], size: float, value: float) -> str:
     """Format a limit in a unit of the given size, rounded as it was entered."""
     if not isinstance(limit, tuple):
-        return f"≤ {_limit_number(limit, size, value)}"
+        return f"≤ {with_minus(limit_number(limit, size, value)) if math.isfinite(limit) else '–'}"
     low, high = limit
     if low > high:  # the guard band leaves nothing
         return "–"
+    low_text, high_text = limit_numbers(limit, size, value)
     if low == -high:
-        return f"±{_limit_number(high, size, abs(value))}"
+        return f"±{high_text}"
     if high == 1.0 and 0.0 < low < 1.0 and size == 1.0:  # a probability
-        return f"≥ {_limit_number(low, size, value)}"
-    return f"{_limit_number(low, size, value)} … {_limit_number(high, size, value)}"
-
-
-def _limit_number(limit: float, size: float, value: float) -> str:
-    return with_minus(limit_number(limit, size, value)) if math.isfinite(limit) else "–"
+        return f"≥ {low_text}"
+    return f"{with_minus(low_text)} … {with_minus(high_text)}"
 
 
 def _location_text(where: Where) -> str:
