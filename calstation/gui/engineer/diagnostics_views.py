@@ -102,7 +102,8 @@ class InnovationsView(StackedPlots[Diagnostics]):
             self._outlier_label.setText(say("engineer.nis_untested"))
             return
         share, count = 100.0 * float(np.mean(tested > _OUTLIER_LIMIT)), len(innovations.seq)
-        self._outlier_label.setText(say("engineer.observations", count=count, percent=share))
+        said = {"count": count, "components": len(tested), "percent": share}
+        self._outlier_label.setText(say("engineer.observations", **said))
 
     def _components(self, stage: StageDiagnostics) -> tuple[str, str, str]:
         """Return the axis labels: east, north and up, or the axes of the unit for a stage without navigation."""
