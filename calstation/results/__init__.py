@@ -28,7 +28,7 @@ from calstation.results.offline import (
     import_recording,
     offline_solve,
 )
-from calstation.results.outcome import run_outcome, value_decisions
+from calstation.results.outcome import run_outcome, solved_offline, value_decisions
 from calstation.results.override import override_required, override_result, run_files
 from calstation.results.pairs import (
     PairCheckResult,

@@ -35,9 +35,8 @@ class Ending:
 
     verdict: Verdict
     log_file: str
-    facts: LogFacts
-    first_seq: int | None = None  #: First sequence number solved; None for the first of the log.
-    last_seq: int | None = None  #: Last sequence number solved; None for the last of the log.
+    facts: LogFacts  #: Of the samples that were solved.
+    part: bool = False  #: Whether they are a part of the log.
     registers: Mapping[str, Any] | None = None  #: Registers as in the result JSON.
     error: CalstationError | None = None
     stop_reason: str | None = None  #: Source of the stop of a stopped run.
@@ -55,7 +54,6 @@ def build_result(
 ) -> Result:
     """Build the result of a run from its solutions, in order, and the posterior before the first stage."""
     facts, error = ending.facts, ending.error
-    first, last = ending.first_seq, ending.last_seq
     stages, stated = [solution.stage for solution in solutions], stated_by_log(meta, facts)
     optional = {
         "calibration": _calibration(meta, prior, solutions),
@@ -104,8 +102,9 @@ def build_result(
             "log": {
                 "file": ending.log_file,
                 "sha256": facts.sha256,
-                "first_seq": facts.first_seq if first is None else max(first, facts.first_seq),
-                "last_seq": facts.last_seq if last is None else min(last, facts.last_seq),
+                "first_seq": facts.first_seq,
+                "last_seq": facts.last_seq,
+                **({"part": True} if ending.part else {}),
                 "gaps": facts.gaps,
             },
             "software": {"version": __version__},

@@ -9,6 +9,15 @@ from calstation.results.result import Result
 _WHOLE = ("partial", "released", "missing", "altered", "unconfirmed")
 
 
+def solved_offline(result: Result) -> Text | None:
+    """Return that a result was solved offline, with the range of samples if it is of a part of its log, or None."""
+    if result.outcome != "resolved":
+        return None
+    if result.log.part:
+        return Text.of("common.solved_offline_part", first=result.log.first_seq, last=result.log.last_seq)
+    return Text("common.solved_offline")
+
+
 def run_outcome(run: RunRecord | Result, *, stages: bool = False) -> Text:
     """Return the outcome of a stored run, such as ``FAIL (partial), simulated``, with its `stages` if it is partial."""
     outcome = Text(f"badge.{run.badge}")

@@ -153,6 +153,7 @@ class LogSection(ResultSection):
     sha256: str = ""
     first_seq: int = 0
     last_seq: int = -1
+    part: bool = False  #: Whether the range is a part of the log.
     gaps: int = 0
     damaged: list[DamagedRange] = Field(default_factory=list)
 

@@ -94,6 +94,15 @@ def test_temperatures_of_a_part_are_those_of_its_samples(calstation: Callable[..
     assert part["log"]["sha256"] == whole["log"]["sha256"]
 
 
+def test_a_solution_of_a_part_of_a_log_is_shown_with_its_range(calstation: Callable[..., Done], tmp_path: Path) -> None:
+    log, part, whole = write_log(tmp_path, six_position_rows(10.0)), tmp_path / "part.json", tmp_path / "whole.json"
+    assert calstation("resolve", log, "--from", 100, "--to", 2900, "--json", part).code == 0
+    assert calstation("show", part).out.rstrip().endswith("solved offline from samples 100 to 2900")
+    assert calstation("resolve", log, "--from", 0, "--json", whole).code == 0
+    assert calstation("show", whole).out.rstrip().endswith("solved offline")
+    assert "part" not in json.loads(whole.read_text("utf-8"))["log"]
+
+
 def test_truncated_stage_is_reported_and_earlier_stages_are_solved(
     calstation: Callable[..., Done], tmp_path: Path
 ) -> None:

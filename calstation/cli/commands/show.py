@@ -13,7 +13,7 @@ from calstation.cli.show import new_table, plain_console, result_table, show_lin
 from calstation.cli.text import say, sentence
 from calstation.judgement import Check
 from calstation.physics import FloatArray, display, number
-from calstation.results import Result, TemperatureResult, result_of, run_outcome
+from calstation.results import Result, TemperatureResult, result_of, run_outcome, solved_offline
 
 #: Length of a bar whose share of the limit is 1, characters.
 _BAR = 16
@@ -35,7 +35,8 @@ def show(result_file: Annotated[Path, typer.Argument(metavar="RESULT.json|LOG")]
     if result.temperature is not None:
         _show_courses(out, result, result.temperature)
     _show_bars(out, result)
-    show_line(out, f"{result.serial}: {sentence(run_outcome(result))}")
+    texts = [sentence(text) for text in (run_outcome(result), solved_offline(result)) if text is not None]
+    show_line(out, f"{result.serial}: {say('common.comma').join(texts)}")
 
 
 def _show_courses(out: Console, result: Result, over: TemperatureResult) -> None:

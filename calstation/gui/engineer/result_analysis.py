@@ -35,6 +35,7 @@ from calstation.results import (
     diagnose,
     load_finished_run,
     resolve_with_state,
+    solved_offline,
 )
 from calstation.sequencer import Event, StageRanked, StateChanged, StepStarted
 
@@ -164,7 +165,11 @@ class ResultAnalysis(QObject):
             return ""
         result = self._run.result
         added = " ".join(f"+ {term('group', state)}" for state in result.states_added)
-        parts = (result.serial, added, local_time(result.started_utc or ""), verdict_text(result, stages=False))
+        offline = solved_offline(result)
+        parts = (
+            *(result.serial, added, local_time(result.started_utc or "")),
+            *("" if offline is None else say(offline), verdict_text(result, stages=False)),
+        )
         return "  ·  ".join(part for part in parts if part)
 
     def _result_view(self) -> ResultView:
