@@ -109,7 +109,8 @@ def _value_deviations(certificate: Certificate) -> Iterator[Text]:
     for check in result.failed_checks:
         cause = check.cause_text
         if cause is not None:
-            yield Text.of("certificate.d_cause", check=check.name, cause=cause)
+            name = Text.of(f"check_short.{check.kind}", parameter=check.subject, stage=check.subject)
+            yield Text.of("certificate.d_cause", check=name, cause=cause)
     near_misses = [check.subject for check in result.checks if check.near_miss and check.subject in result.parameters]
     if near_misses:
         yield Text.of("certificate.d_near", names=_names(list(dict.fromkeys(near_misses))))

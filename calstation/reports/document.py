@@ -118,7 +118,7 @@ class _Document:
             "identified": self._analysis.identified,
             "held_registers": self._unit_registers(),
             "authorised": list(certificate.authorised),
-            "deviations": [self._say(text) for text in deviations(certificate, self._analysis)],
+            "deviations": [capitalised(self._say(text)) for text in deviations(certificate, self._analysis)],
             "registers": self._registers(),
             "configuration": self._configuration(),
             "charts": Charts(self._result, self._analysis, self._groups, self._language).sections(),

@@ -23,8 +23,9 @@ from helpers import sampled
 from calstation.config import RunRequest
 from calstation.config.library import shipped_folder
 from calstation.errors import InputError
+from calstation.estimation import Diagnosis
 from calstation.judgement import Check
-from calstation.messages import Language, parameter_name
+from calstation.messages import Language, parameter_name, sentence
 from calstation.physics import INDEX, RATE, display
 from calstation.records import PriorSection, context_from_meta, open_log
 from calstation.records.meta import SecondaryImuSection
@@ -232,6 +233,20 @@ def test_a_stage_ended_by_hand_is_a_deviation_from_the_method(made: Made) -> Non
     assert [t.values for t in found if t.code == "advice.ended_by_hand"] == [{"stages": [stage]}]
     codes = {text.code for text in deviations(made.certificate, made.analysis)}
     assert "advice.ended_by_hand" not in codes
+
+
+@pytest.mark.parametrize(("language", "words"), [("en", "gyro bias x, sigma: "), ("zh_CN", "陀螺零偏 x 标准差：")])
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_the_cause_of_a_failed_check_is_stated_with_its_name_in_words(
+    made: Made, language: Language, words: str
+) -> None:
+    check = Check.compare("sigma_below", 2.0, 1.0, "rad/s", subject="gyro_bias_x")
+    values = {"parameter": "gyro_bias_x", "sigma_ppm": 2.0, "limit_ppm": 1.0}
+    failed = replace(check, diagnosis=Diagnosis("gravity_uncertain", values=values))
+    result = made.certificate.result.model_copy(update={"checks": [failed]})
+    found = deviations(replace(made.certificate, result=result), made.analysis)
+    (cause,) = (text for text in found if text.code == "certificate.d_cause")
+    assert sentence(cause, language, window=True).startswith(words)
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
