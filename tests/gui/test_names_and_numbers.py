@@ -13,10 +13,10 @@ from pytestqt.qtbot import QtBot
 from calstation.config import library, load_product
 from calstation.gui.engineer.schedule_form import _number as schedule_number
 from calstation.gui.quality.yield_view import DayAxis
-from calstation.gui.text import check_text, language, parameter_text, product_text, say
+from calstation.gui.text import about, check_text, language, parameter_text, product_text, say
 from calstation.gui.widgets import Column, NumberEdit, ParameterModel, ParameterTable, ThemedPlot, VectorEdit, theme
 from calstation.judgement import Check
-from calstation.messages import Text, sentence
+from calstation.messages import Language, Text, sentence
 from calstation.physics import EFFECT_PARAMETERS, PAIR_PARAMETERS, PARAMETERS
 from tests.gui.conftest import Operator
 
@@ -151,3 +151,12 @@ def test_estimated_samples_are_the_unit_of_clipping(qapp: QApplication) -> None:
 def test_large_angle_of_a_check_is_in_degrees(limit: float, texts: list[str]) -> None:
     text = check_text(Check("heading", "azimuth_flip", 5.2077e-3, limit, "rad", passed=True))
     assert [text.value, text.limit, text.unit] == texts
+
+
+@pytest.mark.parametrize(("code", "words"), [("en", "the larger of both"), ("zh_CN", "两者中较大的标准差")])
+def test_the_tip_of_differences_in_sigma_states_the_divisor_for_the_same_data(
+    qapp: QApplication, code: Language, words: str
+) -> None:
+    language.use(code)
+    assert words in about("column", "in_sigma")
+    language.use("en")
