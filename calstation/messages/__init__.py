@@ -16,6 +16,7 @@ from calstation.messages.rendering import (
     plain_number,
     product_name,
     render,
+    rounds_text,
     schedule_name,
     sentence,
     short_step_text,

@@ -221,11 +221,18 @@ def _key(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "_", name.lower())
 
 
-def schedule_name(name: str, language: Language = "en") -> str:
-    """Return the display name of an entry of a schedule, derived from its identifier if there is no term for it."""
-    if known(f"schedule.{name}"):
-        return term("schedule", name, language)
+def schedule_name(name: str, language: Language = "en", *, stage: str = "") -> str:
+    """Return the display name of an entry of a stage's schedule, derived from its identifier if it has no term."""
+    for code in (f"{stage}_{name}", name):
+        if known(f"schedule.{code}"):
+            return term("schedule", code, language)
     return name.rsplit("_", 1)[0].replace("_", " ").capitalize()
+
+
+def rounds_text(stage: str, rounds: int) -> Text:
+    """Return a number of rounds of a stage in the unit that its schedule counts, such as 12 rounds or 12 moves."""
+    own = f"schedule.counted_{stage}"
+    return Text.of(own if known(own) else "schedule.counted", count=rounds)
 
 
 def plain_number(value: float, form: str) -> str:

@@ -17,7 +17,7 @@ def schedule_words(stage: str, values: Mapping[str, JsonValue], language: Langua
     for spec in schedule_fields(stage):
         if spec.kind not in _SHOWN:
             continue
-        name = schedule_name(spec.name, language)
+        name = schedule_name(spec.name, language, stage=stage)
         match values.get(spec.name):
             case True:
                 yield name

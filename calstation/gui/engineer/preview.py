@@ -32,7 +32,7 @@ from calstation.gui.widgets import (
     theme,
     time_unit,
 )
-from calstation.messages import Text
+from calstation.messages import Text, rounds_text
 from calstation.physics import INDEX, NAMES, compared_number, display, limit_number, unit_of_parameter
 from calstation.results import Preview, Violation, compute_preview
 
@@ -200,14 +200,19 @@ def _problem_texts(preview: Preview) -> list[str]:
         if stage.error and stage.predictable:
             problems.append(_error_text(stage.stage, stage.error))
         if stage.reason == "" and not preview.violations:
-            problems.append(say("engineer.too_few_rounds", stage=stage.stage, rounds=stage.rounds))
+            problems.append(
+                say("engineer.too_few_rounds", stage=stage.stage, rounds=rounds_text(stage.stage, stage.rounds))
+            )
     return problems
 
 
 def _end_texts(preview: Preview) -> list[str]:
     """Return what ends every repeated stage, also before it reaches its targets, and why sigmas cannot be predicted."""
     repeated = [stage for stage in preview.stages if stage.reason not in ("", "plan")]
-    ends = [say(f"engineer.ends_{stage.reason}", stage=stage.stage, rounds=stage.rounds) for stage in repeated]
+    ends = [
+        say(f"engineer.ends_{stage.reason}", stage=stage.stage, rounds=rounds_text(stage.stage, stage.rounds))
+        for stage in repeated
+    ]
     ends += [say("engineer.ends_before_targets", stage=stage.stage) for stage in repeated if stage.missed]
     return ends + [_error_text(s.stage, s.error) for s in preview.stages if s.error and not s.predictable]
 

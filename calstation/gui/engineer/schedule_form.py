@@ -55,7 +55,7 @@ class ScheduleForm(QWidget):
                 rows.append(label(f"schedule.{spec.name}"))
                 rows += [_TargetField(source, stage, spec, group, options) for group in groups if group in DISPLAY]
             elif spec.kind in ("number", "count", "flag", "choice"):  # other kinds can be set only in the product file
-                words = partial(schedule_text, spec.name)
+                words = partial(schedule_text, spec.name, stage)
                 rows.append(_Field(source, stage, spec, (spec.name,), _make_editor(spec), words, spec.unit))
         self._fields = [widget for widget in rows if isinstance(widget, _Field)]
         column(*rows, None, on=self)
@@ -84,7 +84,7 @@ class ScheduleForm(QWidget):
     def wrong(self) -> tuple[str, ...]:
         """The displayed names of the fields with invalid values, which may be out of sight."""
         names = dict.fromkeys(str(problem.key_path[0]) for problem in self._source.problems if problem.key_path)
-        return tuple(map(schedule_text, names))
+        return tuple(schedule_text(name, self.stage) for name in names)
 
     def reset(self) -> None:
         """Restore the values in the product."""

@@ -1,7 +1,7 @@
 """Sentences about the events of a run in the current language."""
 
 from calstation.gui.text.messages import KINDS, duration_text, fault_text, say, term
-from calstation.messages import entry, event_text, known
+from calstation.messages import entry, event_text, known, rounds_text
 from calstation.sequencer import Event, Fault, Finalized, Message, StageEnded, StageSolved, StageStarted, StateChanged
 
 _CONSISTENCY = {True: "solved", False: "inconsistent", None: "solved_unjudged"}
@@ -28,7 +28,8 @@ def event_line(event: Event, *, followed: bool = False) -> tuple[str, str]:
             return "active", say("event_log.stage_started", stage=event.stage, time=duration_text(event.duration))
         case StageEnded():
             code = f"event_log.ended_{event.reason}"
-            return "", say(code, stage=event.stage, rounds=event.rounds) if known(code) else event.reason
+            values = {"stage": event.stage, "rounds": rounds_text(event.stage, event.rounds)}
+            return "", say(code, **values) if known(code) else event.reason
         case StageSolved():
             passed = event.consistency.get("passed")
             return "bad" if passed is False else "done", say(f"event_log.{_CONSISTENCY[passed]}", stage=event.stage)

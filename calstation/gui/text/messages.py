@@ -144,9 +144,9 @@ def duration_text(seconds: float, *, tenths: bool = False) -> str:
     return f"{text}.{tenth}" if tenths else text
 
 
-def schedule_text(name: str) -> str:
-    """Return the display name of an entry of a schedule."""
-    return rendering.schedule_name(name, language.current())
+def schedule_text(name: str, stage: str) -> str:
+    """Return the display name of an entry of a stage's schedule."""
+    return rendering.schedule_name(name, language.current(), stage=stage)
 
 
 def sigmas_text(sigmas: float) -> str:
