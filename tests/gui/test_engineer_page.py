@@ -667,10 +667,10 @@ def test_preview_states_the_end_condition_of_a_repeated_stage(engineer: Engineer
     engineer.tick("stage_check_azimuth_flip")
     engineer.page.choice.selector.select("azimuth_flip")
     for rounds, duration, ends in (
-        ("2", "", "Azimuth flips: ends after round 2."),
+        ("2", "", "Azimuth flips: ends after 2 rounds."),
         ("0", "", "Azimuth flips: repeated until it is ended by hand"),
-        ("0", "150", "Azimuth flips: ends by its duration, after round 3."),
-        ("1", "100", "Azimuth flips: ends after round 1."),
+        ("0", "150", "Azimuth flips: ends by its duration, after 3 rounds."),
+        ("1", "100", "Azimuth flips: ends after 1 round."),
     ):
         engineer.type("schedule_azimuth_flip_rounds", rounds)
         engineer.type("schedule_azimuth_flip_duration_s", duration)
