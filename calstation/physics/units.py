@@ -134,7 +134,7 @@ def limit_numbers(limit: float | tuple[float, float], size: float, value: float 
     value : value compared with the limits, SI
     """
     low, high = limit if isinstance(limit, tuple) else (-math.inf, limit)
-    if low == -high:  # shown after one ±
+    if low == -high < 0.0:  # shown after one ±
         text = limit_number(high, size, abs(value))
         return f"-{text}", text
     return limit_number(low, size, value), limit_number(high, size, value)

@@ -36,3 +36,10 @@ def test_an_expanded_uncertainty_is_compared_with_twice_the_limit() -> None:
 def test_a_number_without_a_limit_or_an_unknown_value_is_unchanged() -> None:
     assert compared_number("3.9", 1.0, 3.926, None) == compared_number("3.9", 1.0, math.nan, 3.9) == "3.9"
     assert limit_numbers(math.inf, 1.0) == ("-inf", "inf")
+
+
+@pytest.mark.parametrize("limit", [(2.0, -2.0), (3.0, -2.0), (0.0, 0.0)])
+def test_a_guard_band_may_leave_no_interval(limit: tuple[float, float]) -> None:
+    low, high = limit_numbers(limit, 1.0, 1.0)
+    assert (float(low), float(high)) == limit
+    assert compared_number("1.0", 1.0, 1.0, limit) == "1.0"
