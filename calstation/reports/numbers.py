@@ -19,16 +19,8 @@ def decimal_places(uncertainty: float) -> int:
     return 1 - int(f"{uncertainty:.1e}".partition("e")[2])
 
 
-def rounded(value: float | None, uncertainty: float, limit: float | tuple[float, float] | None = None) -> str:
-    """Return a value rounded to the second significant digit of its uncertainty.
-
-    It has more digits if the rounded value contradicts its comparison with `limit`, see `limit_text`.
-
-    Parameters
-    ----------
-    value, uncertainty : value and its uncertainty, in the display unit
-    limit : upper limit, or lower and upper limit, in the display unit; None for no limit
-    """
+def rounded(value: float | None, uncertainty: float) -> str:
+    """Return a value rounded to the second significant digit of its uncertainty."""
     if value is None or not math.isfinite(value):
         return NONE
     if not 0.0 < uncertainty < math.inf:
