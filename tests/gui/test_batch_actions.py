@@ -162,11 +162,11 @@ def test_slots_show_the_last_verdicts_while_the_next_units_are_scanned(operator:
     assert "last" not in names[2]
     assert "PASS" in names[3]
     first = [each.text() for each in tile(operator, "slot_1_tile").findChildren(QLabel) if each.isVisible()]
-    assert "previous: SN-000001" in first
+    assert "last: SN-000001" in first
     operator.window.app.set_language("zh_CN")
     assert "上一台：不合格 SN-000002" in tile(operator, "slot_2_tile").accessibleName()
     shown = [each.text() for each in tile(operator, "slot_2_tile").findChildren(QLabel) if each.isVisible()]
-    last = "上一台：SN-000002"
+    last = "上次 SN-000002"
     assert last in shown
     second = tile(operator, "slot_2_tile")
     label = next(each for each in second.findChildren(ElidedLabel) if each.text() == last)
