@@ -119,6 +119,8 @@ class HelpPage(Page):
         self.list.setWordWrap(True)
         self.list.setSpacing(theme.GRID // 4)
         self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        # Qt keeps the heights of rows that a scroll bar narrows later, so that their second lines would overlap others
+        self.list.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOn)
         self.search_edit = line_edit("manual_search_edit", self._search, hint="help.search")
         self.search_edit.setClearButtonEnabled(True)
         bind(self.search_edit.setAccessibleName, "help.search")
