@@ -108,6 +108,8 @@ def listed_runs(page: HistoryPage, qtbot: QtBot) -> list[tuple[str, str]]:
     page.show()
     timers = page._list_timer, page._details_timer
     qtbot.waitUntil(lambda: not page.busy and not any(timer.isActive() for timer in timers), timeout=WAIT)
+    details = page.details  # whose buttons have no size, and take no click, before they are laid out
+    qtbot.waitUntil(lambda: not details.isVisible() or details.record_button.width() > 0, timeout=WAIT)
     return rows(page)
 
 
