@@ -146,4 +146,4 @@ def _check_content(
     log_section = {**expected["log"], "file": content["log"]["file"]}
     entry = difference(content, {**expected, "log": log_section}, rounding)
     if entry is not None:
-        raise InputError("report.other_result", file=path, log=log.path, entry=entry)
+        raise InputError("report.other_result", file=path, log=log.path, entry=entry_text(entry, expected, content))

@@ -3,7 +3,7 @@
 The package has more than 15 modules, one for each way to create, read or pass on a result.
 """
 
-from calstation.estimation.common import EXCESSIVE, NOTABLE, PositionResidual
+from calstation.estimation.common import CREEP, EXCESSIVE, NOTABLE, PositionResidual
 from calstation.results.building import Ending, build_result, solved_parameters, stated_by_log
 from calstation.results.calibration import current_calibration, estimate_of
 from calstation.results.corrected import CorrectedOutput, CorrectedStream, CorrectedTrace, CorrectedTraceBuilder
@@ -84,5 +84,5 @@ from calstation.results.stated import (
     run_log,
     was_simulated,
 )
-from calstation.results.stored_runs import ended_result, lacks_log, result_doubt
+from calstation.results.stored_runs import changed_entry, ended_result, lacks_log, result_doubt
 from calstation.results.temperature import compensate_samples, known_temperatures

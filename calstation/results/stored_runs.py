@@ -30,6 +30,7 @@ from calstation.results.stated import (
     altered_entry,
     content_digest,
     load_confirmed_result,
+    load_run_result,
     require_recorded_release,
     was_simulated,
 )
@@ -113,6 +114,17 @@ def result_doubt(record: RunRecord) -> Text | None:
     if record.origin or not record.verdict.judged:
         return None
     return _log_doubt(record) or _release_doubt(record)
+
+
+def changed_entry(record: RunRecord) -> Text | None:
+    """Return the first entry in which a run's result file differs from the result in its log; None if none does."""
+    try:
+        if record.altered and record.result is not None:
+            load_run_result(record.result)
+    except InputError as error:
+        entry = error.values.get("entry")
+        return entry if isinstance(entry, Text) else None
+    return None
 
 
 def _release_doubt(record: RunRecord) -> Text | None:

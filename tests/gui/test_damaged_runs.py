@@ -82,7 +82,9 @@ def test_run_without_its_result_file_keeps_the_reasons_from_its_log(
     listed_runs(page, qtbot)
     edit(path)
     list_again(page, qtbot)
-    assert "its log states FAIL. Restore the file from a backup" in page.details.reason_label.text()
+    reason = page.details.reason_label.text()
+    assert "its log states FAIL. Restore the file from a backup" in reason
+    assert 'First difference: entry operator: "Zhang Min" in the log, "Li Wei" in the file.' in reason
     path.rename(folder.parent / path.name)
     list_again(page, qtbot)
     details = page.details

@@ -139,6 +139,18 @@ def select_row(page: HistoryPage, row: int, qtbot: QtBot) -> None:
     qtbot.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=QPoint(point))
 
 
+def test_run_of_another_program_is_listed_while_the_page_is_visible(
+    page: HistoryPage, folder: Path, qtbot: QtBot
+) -> None:
+    write_run(folder, "SN-000001", "passed", timedelta(hours=2))
+    listed_runs(page, qtbot)
+    write_run(folder, "SN-000002", "failed", timedelta(hours=1), bias=5.0)
+    page._refresh_timer.setInterval(0)
+    qtbot.waitUntil(lambda: len(rows(page)) == 2, timeout=WAIT)
+    page.hide()
+    assert not page._refresh_timer.isActive()
+
+
 def test_reading_the_folder_is_not_called_an_empty_history(page: HistoryPage, qtbot: QtBot) -> None:
     for code, reading in (("en", "Reading the runs"), ("zh_CN", "正在读取标定")):
         language.use(code)

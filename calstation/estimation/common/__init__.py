@@ -52,7 +52,7 @@ from calstation.estimation.common.noise import (
     with_measured_noise,
 )
 from calstation.estimation.common.planned import PlannedSamples, profile
-from calstation.estimation.common.residuals import RestResiduals, compensated_means, rest_residuals
+from calstation.estimation.common.residuals import CREEP, RestResiduals, compensated_means, rest_residuals
 from calstation.estimation.common.samples import (
     LARGEST_VALUE,
     SampleBlock,

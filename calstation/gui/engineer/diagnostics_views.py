@@ -25,7 +25,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G, FloatArray, display_by_unit
-from calstation.results import EXCESSIVE, NOTABLE, Diagnostics, PositionResidual, StageDiagnostics
+from calstation.results import CREEP, EXCESSIVE, NOTABLE, Diagnostics, PositionResidual, StageDiagnostics
 
 #: Maximum number of observations within ±3 σ drawn in a plot; more are decimated.
 _MAX_POINTS = 1500
@@ -239,7 +239,7 @@ class ResidualsView(StackedPlots[Diagnostics]):
         self.plots[-1].getAxis("bottom").setTicks([ticks[:: -(-max(len(ticks), 1) // room)]])
 
     def _explain(self) -> None:
-        self._describe(say("engineer.about_rests"), "muted")
+        self._describe(say("engineer.about_rests", creep=CREEP), "muted")
 
     def _describe(self, text: str, kind: str = "") -> None:
         theme.set_kind(self._rest_label, kind)

@@ -42,7 +42,7 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import Text, entry, known, local_time
 from calstation.records import IndexedRun, ResolveRecord, RunRecord, Verdict
-from calstation.results import RELEASE_IN_DOUBT, Result, lacks_log, number_ranges, run_outcome
+from calstation.results import RELEASE_IN_DOUBT, Result, changed_entry, lacks_log, number_ranges, run_outcome
 
 #: Maximum number of listed failed checks.
 _MAX_FAILED = 8
@@ -219,7 +219,9 @@ class RunDetails(QFrame):
         if run.altered:
             altered = "history.altered" if run.log.exists() else "history.altered_without_log"
             code = "history.unconfirmed" if run.unconfirmed else altered
-            return say(code, file=run.result, outcome=term("badge", run.verdict))
+            reason = say(code, file=run.result, outcome=term("badge", run.verdict))
+            changed = changed_entry(run)
+            return reason if changed is None else f"{reason}\n{say('history.changed_entry', entry=changed)}"
         if run.verdict is Verdict.FAULT and run.error:
             fault = None if result is None else result.fault
             if fault is None:

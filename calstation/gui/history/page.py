@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QSignalBlocker, Qt, QTimer, QUrl, SignalInstance
-from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShortcut, QShowEvent
+from PySide6.QtGui import QDesktopServices, QGuiApplication, QHideEvent, QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QWidget
 
 from calstation.config import load_station
@@ -43,6 +43,9 @@ from calstation.results import History, Result, refresh_history, result_doubt
 from calstation.runs import Resumable, close_incomplete_job, find_resumable
 from calstation.sequencer import Event, Finalized
 
+#: Time after which a visible page reads the folder again, because other programs add runs to it, ms.
+_REFRESH_MS = 20_000
+
 
 class HistoryPage(Page):
     """The page that lists the runs in the runs folder, with the details of the selected run."""
@@ -67,6 +70,7 @@ class HistoryPage(Page):
         self._listed: str | None = None
         #: Show the list and, in a later turn of the event loop, the details, because both together block too long.
         self._list_timer, self._details_timer = (QTimer(self, singleShot=True, interval=0) for _ in range(2))
+        self._refresh_timer = QTimer(self, interval=_REFRESH_MS)
         self.table = RunTable()
         bind(self.table.setAccessibleName, "history.run_table")
         self.setFocusProxy(self.table)
@@ -144,6 +148,12 @@ class HistoryPage(Page):
         super().showEvent(event)
         self.refresh()
         self._list_timer.start()
+        self._refresh_timer.start()
+
+    def hideEvent(self, event: QHideEvent) -> None:
+        """Stop reading the folder."""
+        super().hideEvent(event)
+        self._refresh_timer.stop()
 
     def _build_actions(self) -> QWidget:
         """Create the row with the number of runs and the actions on several runs, or the progress of a job."""
@@ -173,6 +183,7 @@ class HistoryPage(Page):
         self.table.selected.connect(self._show_details)
         self._list_timer.timeout.connect(self._show_refreshed)
         self._details_timer.timeout.connect(self._show_details)
+        self._refresh_timer.timeout.connect(self.refresh)
         self.table.doubleClicked.connect(lambda _: self._open_result())
         details.result_button.clicked.connect(self._open_result)
         details.log_button.clicked.connect(self._open_log)
