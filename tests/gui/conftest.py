@@ -110,7 +110,7 @@ def app(site_folder: SiteFolder, job_queue: SharedJobQueue, qapp: QApplication) 
 @pytest.fixture
 def engineer_page(window: MainWindow) -> None:
     """The engineer page is created with the window, as in a station, not with a run or a change of the page."""
-    window.create_engineer_page()
+    _ = window._tabs["engineer_page"].page
 
 
 @pytest.fixture
@@ -119,9 +119,11 @@ def window(
 ) -> Iterator[MainWindow]:
     """The window with the test station, English, light theme, shown at 1366x768.
 
-    Other pages are created when they are shown, because their creation in idle time takes longer than most tests.
+    Other pages are created when they are shown, because their creation in idle time takes longer than most tests, and
+    the engineer page, which a window creates before a run, by `engineer_page`.
     """
     monkeypatch.setattr(MainWindow, "_after_first_paint", MainWindow._join_windows)
+    monkeypatch.setattr(MainWindow, "create_engineer_page", lambda _: None)
     made = create_window(site_folder.station)
     assert isinstance(made, MainWindow)
     qtbot.addWidget(made)
