@@ -285,8 +285,9 @@ def _type_errors(profile: "TableProfile", name: str, register: ModbusRegister) -
 
 
 def _bit_errors(profile: "TableProfile") -> Iterator[EntryError]:
+    table = profile.map
     seen: dict[tuple[str, int], str] = {}
-    for name, bit in profile.map.bits:
+    for name, bit in table.bits:
         key_path = ("status_bits", name)
         if bit is None:
             continue
@@ -294,7 +295,7 @@ def _bit_errors(profile: "TableProfile") -> Iterator[EntryError]:
             if name != "homed" or not bit.always:
                 yield EntryError("profile.only_homed_is_constant", *key_path)
             continue
-        registers = profile.map.names(bit.word)
+        registers = table.names(bit.word)
         if not registers:
             yield EntryError("profile.needs_register", *key_path, register=bit.word)
         last = min(8 * profile.registers[register].number.width for register in registers) - 1
@@ -303,19 +304,20 @@ def _bit_errors(profile: "TableProfile") -> Iterator[EntryError]:
         if other := seen.get((bit.word, bit.bit)):
             yield EntryError("profile.same_bit", *key_path, other=other, bit=bit.bit)
         seen[bit.word, bit.bit] = name
-    if profile.map.bits.interlock is not None and profile.map.names("interlock"):
+    if table.bits.interlock is not None and table.names("interlock"):
         yield EntryError("profile.interlock_twice", "status_bits", "interlock")
 
 
 def _command_errors(profile: "TableProfile") -> Iterator[EntryError]:
-    commands = [(name, writes) for name, writes in profile.map.commands if writes is not None]
+    table = profile.map
+    commands = [(name, writes) for name, writes in table.commands if writes is not None]
     for command, register, value in ((name, *item) for name, writes in commands for w in writes for item in w.items()):
         if register not in COMMAND_REGISTERS:
             remedy = near_miss(register, COMMAND_REGISTERS, Text.of("entry.choose_from", names=COMMAND_REGISTERS))
             yield EntryError("profile.register_not_written", "commands", command, name=register, remedy=remedy)
-        if not profile.map.names(register):
+        if not table.names(register):
             yield EntryError("profile.needs_register", "commands", command, register=register)
-        for name in profile.map.names(register):
+        for name in table.names(register):
             low, high = profile.registers[name].number.bounds
             if not low <= value <= high:
                 values = {"value": value, "name": name, "low": low, "high": high}
@@ -323,7 +325,7 @@ def _command_errors(profile: "TableProfile") -> Iterator[EntryError]:
     for (a, first), (b, second) in combinations(commands, 2):
         if first == second:
             yield EntryError("profile.same_write", "commands", b, other=f"commands.{a}")
-    for name in profile.map.rate_registers() if profile.map.commands.rate is not None else ():
+    for name in table.rate_registers() if table.commands.rate is not None else ():
         if profile.registers[name].bounds[0] >= 0.0:
             yield EntryError("profile.turn_rate_unsigned", "registers", name, "type")
 
@@ -335,20 +337,24 @@ def _sign_errors(profile: "TableProfile", name: str, register: ModbusRegister) -
         return
     if base_name in UNSIGNED_REGISTERS and register.scale < 0.0:
         yield EntryError("profile.negative_magnitude", "scale", scale=register.scale)
-    turns = profile.map.commands.rate is not None and name in profile.map.rate_registers()
     other = f"{joint}_position"
-    if register.scale * profile.registers[other].scale <= 0.0 and (base_name not in UNSIGNED_REGISTERS or turns):
+    if register.scale * profile.registers[other].scale > 0.0:
+        return
+    table = profile.map
+    turns = table.commands.rate is not None and name in table.rate_registers()
+    if base_name not in UNSIGNED_REGISTERS or turns:
         code = "profile.turn_rate_needed" if base_name in UNSIGNED_REGISTERS else "profile.opposite_sense"
         values = {"other": f"registers.{other}", "its": profile.registers[other].scale}
         yield EntryError(code, "scale", joint=joint, scale=register.scale, **values)
 
 
 def _watchdog_errors(profile: "TableProfile") -> Iterator[EntryError]:
-    for name in profile.map.names("watchdog"):
+    table = profile.map
+    for name in table.names("watchdog"):
         if profile.registers[name].scale < 0.0:
             yield EntryError("profile.negative_timeout", "registers", name, "scale")
-    for name in profile.map.names("heartbeat"):
-        if not profile.map.names("watchdog"):
+    for name in table.names("heartbeat"):
+        if not table.names("watchdog"):
             yield EntryError("profile.heartbeat_without_watchdog", "registers", name)
 
 
