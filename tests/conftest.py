@@ -46,9 +46,9 @@ REAL_TIME = (
 
 @pytest.hookimpl(tryfirst=True)  # before tests are chosen by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Allow reruns of real-time tests, and leave tests with a PostgreSQL server to `make rehearse`."""
+    """Allow reruns of real-time tests, and leave a PostgreSQL server and the window in Chinese to `make rehearse`."""
     for item in items:
-        if "postgres" in getattr(item, "fixturenames", ()):
+        if "postgres" in getattr(item, "fixturenames", ()) or ("zh_CN" in item.name and "gui" in item.path.parts):
             item.add_marker(pytest.mark.long)
         if item.path.as_posix().endswith(REAL_TIME):
             item.add_marker(pytest.mark.flaky(reruns=2))

@@ -66,6 +66,8 @@ from tests.check_rows import check_row
 from tests.gui.conftest import SERIAL, Operator, SiteFolder
 from tests.site_folder import PRODUCT
 
+pytestmark = pytest.mark.long
+
 STAGES = ("rate", "six_position", "excitation", "azimuth_flip")
 
 

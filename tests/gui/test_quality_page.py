@@ -116,6 +116,7 @@ def test_every_quantity_has_control_charts_and_a_signal_opens_its_run(operator: 
     assert operator.window.page_tabs.currentWidget().objectName() == "engineer_page"
 
 
+@pytest.mark.long
 def test_choices_and_tabs_stay_in_place_in_every_view(operator: Operator, page: QualityPage) -> None:
     fixed = (page.product, page.tabs)
     places = []
@@ -134,6 +135,7 @@ def test_table_counts_the_runs_that_signal(operator: Operator, page: QualityPage
             assert operator.widget("quality_signals_label", QLabel).text().startswith(f"{signalling} of {runs} runs")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "note"),
     [
@@ -252,6 +254,7 @@ def test_study_lists_the_results_of_all_parameters(operator: Operator, page: Qua
     assert operator.widget("study_parameter_label", QLabel).text() == parameter_text(NAMES[4])
 
 
+@pytest.mark.long
 def test_study_shows_every_column_and_explains_a_verdict_without_a_tick(operator: Operator, page: QualityPage) -> None:
     click_tab(operator, "Repeatability")
     page.study.open_plan(next((operator.site_folder.runs / "studies").glob("*.json")))
@@ -272,6 +275,7 @@ def test_study_shows_every_column_and_explains_a_verdict_without_a_tick(operator
         assert ("only the runs of Cpk" if code == "en" else "仅用于选择计算 Cpk") in note
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "about", "caution"),
     [
@@ -420,6 +424,7 @@ def test_control_limits_do_not_depend_on_the_time_shown(operator: Operator) -> N
     assert "limits from all 40 runs of any time" in operator.says()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "every", "state"),
     [

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from PySide6.QtCore import QByteArray, QRect, QSettings
 
 from tests.gui.conftest import SiteFolder
 
-#: Opens the window, shows each page in both languages, and prints the rectangles of its visible widgets.
+#: Opens the window, shows each page in the given languages, and prints the rectangles of its visible widgets.
 SCRIPT = """
 import json, sys
 from pathlib import Path
@@ -29,7 +30,7 @@ if __name__ == "__main__":
     window = create_window(Path(sys.argv[1]))
     window.show()
     pages = []
-    for code in ("en", "zh_CN"):
+    for code in sys.argv[2:]:
         window.app.set_language(code)
         for name in ("operator_page", "engineer_page", "offline_page", "history_page", "quality_page", "station_page"):
             window.show_page(name)
@@ -50,25 +51,25 @@ if __name__ == "__main__":
 pytestmark = pytest.mark.long
 
 
-def on_screen(site_folder: SiteFolder, size: tuple[int, int], script: str) -> Any:
-    """Run a script on a screen of this size, px, and return what it prints."""
+def on_screen(site_folder: SiteFolder, size: tuple[int, int], script: str, languages: Sequence[str] = ()) -> Any:
+    """Run a script on a screen of this size, px, with languages as arguments, and return what it prints."""
     screen = {"name": "one", "x": 0, "y": 0, "width": size[0], "height": size[1], "logicalDpi": 96}
     screens = {"screens": [{**screen, "logicalBaseDpi": 96, "dpr": 1}]}
     (site_folder.folder / "screens.json").write_text(json.dumps(screens), encoding="utf-8")
     file = site_folder.folder / "on_screen.py"
     file.write_text(script, encoding="utf-8")
-    command = [sys.executable, str(file), str(site_folder.station)]
+    command = [sys.executable, str(file), str(site_folder.station), *languages]
     platform = {"QT_QPA_PLATFORM": "offscreen:configfile=screens.json"}
     environment = {"PYTHONPATH": str(Path(__file__).parents[2]), **os.environ, **platform}
     done = subprocess.run(command, env=environment, cwd=site_folder.folder, capture_output=True, text=True, check=True)
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def shown(site_folder: SiteFolder, size: tuple[int, int], scale: float) -> dict[str, Any]:
-    """Show the window on a screen of this size, px, at this scale."""
+def shown(site_folder: SiteFolder, size: tuple[int, int], scale: float, *languages: str) -> dict[str, Any]:
+    """Show the window on a screen of this size, px, at this scale, with its pages in these languages."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("QT_SCALE_FACTOR", str(scale))
-        return dict(on_screen(site_folder, size, SCRIPT))
+        return dict(on_screen(site_folder, size, SCRIPT, languages))
 
 
 def fits(seen: dict[str, Any]) -> bool:
@@ -91,7 +92,7 @@ def fits(seen: dict[str, Any]) -> bool:
 def test_window_fits_the_screen_with_stop_and_status_on_every_page(
     site_folder: SiteFolder, size: tuple[int, int], scale: float
 ) -> None:
-    seen = shown(site_folder, size, scale)
+    seen = shown(site_folder, size, scale, "en", "zh_CN")
     assert seen["scale"] == scale
     assert fits(seen)
     assert seen["tabs"] >= seen["wanted_tabs"]

@@ -27,6 +27,9 @@ OVERDUE = [{"name": "Rate table A", "kind": "table", "due": date(2021, 3, 2)}]
 SLOTS = [{"name": name, "port": f"socket://127.0.0.1:{port}"} for name, port in (("A", 7), ("B", 8))]
 PORTS = {"table": {"profile": "bench", "port": "tcp://127.0.0.1:9"}}
 
+#: The pages that start a run; the engineer page asks the same questions.
+PAGES = ["operator_page", pytest.param("engineer_page", marks=pytest.mark.long)]
+
 
 class Page:
     """Starts runs on a page of the window, in the role of an engineer."""
@@ -113,7 +116,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[RunRequest]:
     return requests
 
 
-@pytest.fixture(params=["operator_page", "engineer_page", "terminal"])
+@pytest.fixture(params=[*PAGES, "terminal"])
 def front_end(request: pytest.FixtureRequest, site_folder: SiteFolder) -> Callable[[], Page | Terminal]:
     """Function that opens a front end with the current files of the site."""
     if request.param == "terminal":
@@ -242,7 +245,7 @@ def test_units_in_slots_are_asked_about_together_and_run_as_a_batch(
     assert request.batch
 
 
-@pytest.mark.parametrize("page", ["operator_page", "engineer_page"])
+@pytest.mark.parametrize("page", PAGES)
 def test_operator_cannot_allow_another_attempt(page: str, operator: Operator, started: list[RunRequest]) -> None:
     operator.site_folder.runs.mkdir()
     failed(operator.site_folder)
@@ -257,7 +260,7 @@ def test_operator_cannot_allow_another_attempt(page: str, operator: Operator, st
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("page", ["operator_page", "engineer_page"])
+@pytest.mark.parametrize("page", PAGES)
 def test_permission_asked_for_is_dropped_with_its_station(
     page: str, operator: Operator, started: list[RunRequest]
 ) -> None:

@@ -183,6 +183,7 @@ def test_buttons_are_wide_enough_for_their_texts_in_both_languages(window: MainW
                 assert spare >= 0, button.text()
 
 
+@pytest.mark.long
 def test_another_program_finds_the_widgets_that_the_contract_names(window: MainWindow) -> None:
     """`window` is made by `calstation.gui.create_window`; the inner names of a page exist once it has been shown."""
     names = ["serial_edit", "start_button", "operator_edit", "product_combo", "stop_button", "pause_button"]

@@ -17,6 +17,7 @@ def test_gross_error_is_named_where_both_joints_always_move(row: Row) -> None:
         assert is_right(row, outcome), (outcome.failed, outcome.cause)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("title", "product", "simulator", "seed"),
     [
@@ -38,7 +39,7 @@ def test_cause_is_not_the_one_that_it_resembles(title: str, product: str, simula
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "row", sampled(2, [row for row in rows() if "hysteresis" in row.title]), ids=lambda row: row.title
+    "row", sampled(4, [row for row in rows() if "hysteresis" in row.title]), ids=lambda row: row.title
 )
 def test_hysteresis_is_named_in_four_stages(row: Row) -> None:
     """The azimuth flips begin with a move, which determines the sense of the last turn at their first rest."""

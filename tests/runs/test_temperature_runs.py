@@ -175,7 +175,7 @@ def _resume(thermal: SiteFolder, log: str) -> None:
     assert find_resumable(ignore_progress, thermal.runs) == []
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive  # the batch during ramps is rehearsed
 def test_units_of_a_batch_are_calibrated_over_temperature_at_once(thermal: SiteFolder) -> None:
     """The clock of each unit changes with its temperature by 20 ppm within the short range."""
     station = {"chamber": {"profile": "virtual_chamber"}}

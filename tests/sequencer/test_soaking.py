@@ -284,6 +284,7 @@ def test_the_temperature_of_the_chamber_is_recorded() -> None:
     assert len(air) > 100
 
 
+@pytest.mark.long
 def test_all_units_of_a_batch_must_be_steady_and_one_that_is_not_leaves() -> None:
     batch = Batch(2, stage([40.0], {"at_most_s": 900.0}))
     batch.task = replace(batch.task, chamber=LIMITS)

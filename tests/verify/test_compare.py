@@ -29,7 +29,7 @@ def test_a_short_log_agrees(tmp_path: Path, lever: str) -> None:
     check(replace(SHORT, outer_lever=lever), tmp_path)
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_a_short_log_over_temperature_agrees(tmp_path: Path) -> None:
     check(SHORT_OVER_TEMPERATURE, tmp_path)
 
