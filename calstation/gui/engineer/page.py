@@ -308,7 +308,8 @@ class EngineerPage(Page):
         if serials and self._views.currentWidget() is not self._slots:
             self._tabs.setCurrentIndex(self._views.indexOf(self._slots))
             return
-        self._start_dialog.begin(replace(request, serials=serials) if serials else request)
+        first = self.app.slots.units[:1] or (request.serial,)
+        self._start_dialog.begin(replace(request, serial=first[0], serials=serials))
 
     def _run_changed(self) -> None:
         """Update the actions only after a change of what prevents a run; this slot is called many times per second."""

@@ -175,7 +175,7 @@ class OperatorPage(Page):
         self._verdict.closed.connect(lambda: self._open_unit(opened=False))
         self._verdicts.again.connect(self._starting.fill_again)
         self._verdicts.opened.connect(lambda: self._open_unit(opened=True))
-        self._slots.clicked.connect(self._starting.edited)
+        self._slots.clicked.connect(self._starting.slot_edited)
         self._slots.clicked.connect(header.focus_scan)
         self._starting.slots.changed.connect(self._refresh)
         app.engine_link.running_changed.connect(self._running_changed)

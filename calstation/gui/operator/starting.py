@@ -82,6 +82,8 @@ class RunStarter(QObject):
         self.run_summary = self.interrupted.run_summary = run_summary
         if run_summary is not None:
             self.slots.set_names(run_summary.slots)
+        if self.slots:
+            self._drop_refused()
         self.suggest()
 
     def suggest(self) -> None:
@@ -122,7 +124,7 @@ class RunStarter(QObject):
     def clear_units(self) -> None:
         """Remove the units of the last run, and suggest units for the next one."""
         self._note_last()
-        self._header.set_serial("")
+        self._enter("")
         self.slots.remove_units()
         self.suggest()
 
@@ -156,6 +158,7 @@ class RunStarter(QObject):
     def fill_again(self, units: Sequence[UnitStatus]) -> None:
         """Assign units of the last run to their slots again, and wait for START."""
         self._notice.dismiss()
+        self._drop_refused()
         self.slots.remove_units(only_suggested=True)
         serials = {unit.slot: unit.serial for unit in units}
         for slot in [slot for slot in self.slots if slot.name in serials]:
@@ -299,6 +302,21 @@ class RunStarter(QObject):
     def _valid(self, serial: str) -> bool:
         return self.run_summary is not None and re.fullmatch(self.run_summary.serial_pattern, serial) is not None
 
+    def slot_edited(self) -> None:
+        """Remove a notice or question about units after a slot was clicked or cleared, and a refused serial number."""
+        self._drop_refused()
+        self.edited()
+
+    def _drop_refused(self) -> None:
+        """Remove a refused serial number from the field, from which START would take it."""
+        if self.refused is not None:
+            self._enter("")
+
+    def _enter(self, serial: str) -> None:
+        """Replace the serial number in the field, which may have been refused."""
+        self.refused = None
+        self._header.set_serial(serial)
+
     def edited(self) -> None:
         """Remove a notice or question about units after the field or the slots have been edited."""
         self.refused, self._suggested, self._scanned_early = None, "", False
@@ -369,9 +387,10 @@ class RunStarter(QObject):
     def start(self) -> None:
         """Check the serial number, ask the questions before a start, then start the run.
 
-        While verdicts are displayed, show the units in the slots instead: no unit is calibrated that was not displayed.
+        While verdicts are displayed, or a number is in the field of a station with several slots, show the units in the
+        slots instead: no unit is calibrated that was not displayed.
         """
-        displayed = not (self.slots and self._app.run.ended)
+        displayed = not (self.slots and (self._app.run.ended or self._header.serial))
         if self._app.engine_link.running or not self.check():
             return
         if not displayed:
@@ -385,12 +404,12 @@ class RunStarter(QObject):
     def ask_transfer(self, request: RunRequest, *serials: str) -> None:
         """Ask whether to undo or finish open transfers, then start a run of these units only from its first stage."""
         slots = tuple(serial if serial in serials else "" for serial in request.serials)
-        self._header.set_serial("" if self.slots else serials[0])  # instead of a suggested unit
+        self._enter("" if self.slots else serials[0])  # instead of a suggested unit
         anew = replace(request, serial=serials[0], serials=slots, batch=None, resume=None, resumes=(), unfinished=None)
         self.dialog.begin(anew)
 
     def _resume(self, interrupted: Interrupted) -> None:
-        self._header.set_serial("")  # if the run is refused, no unit that was not scanned can be started
+        self._enter("")  # if the run is refused, no unit that was not scanned can be started
         self.slots.remove_units()
         logs = interrupted.logs
         known = None
