@@ -98,7 +98,8 @@ class RunConfiguration:
     def changed_schedules(self) -> list[str]:
         """Stages whose schedule in the request differs from that of the product, in the order of the run."""
         changes = self.request.schedule or {}
-        return [s for s in self.stages if self._schedule(s, changes.get(s, {})) != self._schedule(s, {})]
+        changed = [s for s in self.stages if s in changes]
+        return [s for s in changed if self._schedule(s, changes[s]) != self._schedule(s, {})]
 
     @property
     def after_registers(self) -> bool:
@@ -129,7 +130,8 @@ class RunConfiguration:
         return 1 if slot is None or self.request.batch is None else self.station.slot_names.index(slot.name) + 1
 
     def _schedule(self, stage: str, changes: Mapping[str, Any]) -> BaseModel:
-        return method(stage).schedule.model_validate(schedule_values(self.product, stage, changes))
+        values = schedule_values(self.product, stage, changes)
+        return _with_limits(self, method(stage).schedule.model_validate(values))
 
     @property
     def unjudged_limits(self) -> tuple[str, ...]:

@@ -253,7 +253,7 @@ class Continuation:
         filled = replace(
             request,
             stages=_run_stages(log),
-            schedule={stage: _schedule(log.meta, stage) for stage in _run_stages(log)},
+            schedule={stage: stage_schedule(log.meta, stage) for stage in _run_stages(log)},
             seed=run.seed if run else None,
             slot=run.slot if run else None,
             batch=run.batch if run else None,
@@ -426,7 +426,7 @@ def _check_station(log: Log, here: StationConfig) -> None:
         raise ConfigurationError(code, path=log.path, station=here.name)
 
 
-def _schedule(meta: LogMeta, stage: str) -> dict[str, Any]:
+def stage_schedule(meta: LogMeta, stage: str) -> dict[str, Any]:
     """Return the original schedule of a stage; values that are missing in the log were None."""
     values = meta.schedule.get(stage, {})
     return {name: values.get(name) for name in method(stage).schedule.model_fields}

@@ -1,13 +1,15 @@
 """Runs of the method `designed` on the bench end at the limits and re-solve bit-identically."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from calstation.config import RunRequest, library
-from calstation.records import open_log
+from calstation.config import RunRequest, library, load_configuration
+from calstation.records import LogMeta, open_log
 from calstation.results import resolve
+from calstation.runs.resume import stage_schedule
 from calstation.sequencer import Command, Message, StageEnded, StageProgress, StateChanged, StepStarted
 from tests.site_folder import PRODUCT, SiteFolder
 
@@ -56,6 +58,22 @@ def test_stage_ends_when_the_limits_are_met_and_re_solves_bit_identically(design
         assert set(again["parameters"]) == set(ended.result["parameters"])
         if first is None:
             assert again["parameters"] == ended.result["parameters"]
+
+
+@pytest.mark.parametrize("units", [None, 2])
+@pytest.mark.parametrize(("changes", "expected"), [({}, []), ({"margin": 0.5}, ["designed"])])
+def test_schedule_of_a_log_differs_from_the_product_only_if_it_was_changed(
+    site_folder: SiteFolder, units: int | None, changes: dict[str, Any], expected: list[str]
+) -> None:
+    """A resumed run is given the schedule of its log, whose targets contain those at the limits."""
+    write(site_folder, **({} if units is None else {"units": units}))
+    request = replace(site_folder.request(), slot=None if units is None else "2", schedule={"designed": changes})
+    setup = load_configuration(request)
+    stored = LogMeta.model_validate_json(setup.log_meta().model_dump_json(exclude_none=True))
+    assert stored.schedule["designed"]["targets"]
+    resumed = load_configuration(replace(request, schedule={"designed": stage_schedule(stored, "designed")}))
+    assert resumed.schedules == setup.schedules
+    assert resumed.changed_schedules == expected
 
 
 @pytest.mark.long
