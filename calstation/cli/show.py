@@ -270,9 +270,10 @@ def _verdict_text(unobservable: bool, checks: list[Check]) -> str:
 
 
 def hand_notes(result: Result) -> list[str]:
-    """Return a note on the stages that the operator ended, and the remedy for a failed unit."""
-    if not result.ended_by_hand:
-        return []
-    note = say("advice.ended_by_hand", stages=result.ended_by_hand)
-    in_full = result.verdict is Verdict.FAILED and result.advice == "repeat"
-    return [note, say("advice.repeat_in_full")] if in_full else [note]
+    """Return notes on a missing calibration and on the stages that the operator ended, and the remedy."""
+    notes = [say("advice.uncalibrated", stages=result.stages)] if result.lacks_calibration else []
+    if result.ended_by_hand:
+        notes.append(say("advice.ended_by_hand", stages=result.ended_by_hand))
+        if result.verdict is Verdict.FAILED and result.advice == "repeat":
+            notes.append(say("advice.repeat_in_full"))
+    return notes

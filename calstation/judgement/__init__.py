@@ -8,7 +8,17 @@ from calstation.judgement.acceptance import offline_online
 from calstation.judgement.check import Check, Where
 from calstation.judgement.conformity import Conformity, ParameterConformity
 from calstation.judgement.data_tests import DataTests, TestedSamples, data_faults
-from calstation.judgement.judge import End, Judgement, SolvedAgain, advice, compare_only, is_partial, judge, verdict_of
+from calstation.judgement.judge import (
+    End,
+    Judgement,
+    SolvedAgain,
+    advice,
+    compare_only,
+    is_partial,
+    judge,
+    needs_full_calibration,
+    verdict_of,
+)
 from calstation.judgement.limits import (
     COVERAGE_FACTOR,
     acceptance_interval,

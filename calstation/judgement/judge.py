@@ -33,6 +33,8 @@ _OF_DATA: frozenset[CheckKind] = frozenset({
 _OF_SITE: tuple[CheckKind, ...] = ("latitude", "heading", "start_attitude")
 #: Deviation of the heading, in units of its limit, above which no effect is its cause.
 _FAR = 3.0
+#: Kinds of checks that a partial run fails if the current calibration is missing, too old or no longer agrees.
+_OF_CALIBRATION: frozenset[CheckKind] = frozenset({"sigma_below", "unobservable", "change"})
 #: Ratio of the measured to the stated noise from which the noise is a cause.
 _NOTABLE_NOISE = 1.2
 
@@ -232,12 +234,32 @@ def verdict_of(end: End, passed: bool | None, *, partial: bool) -> Verdict:
     return Verdict.PARTIAL if partial else Verdict.PASSED
 
 
-def advice(
-    product: ProductConfig, verdict: Verdict, failures: int, *, resumable: bool, shortened: bool = False
-) -> str | None:
-    """Return the recommended action: ``reseat``, ``repeat``, ``set_aside`` or ``resume``; None for a unit that passed.
+def needs_full_calibration(checks: Collection[Check], *, partial: bool) -> bool:
+    """Return whether a partial run failed for lack of a calibration that agrees with the unit, without another cause.
 
-    A run that the operator `shortened` by ending a stage is repeated in full, as long as attempts are allowed.
+    The stages of a partial run determine only some parameters, and the others only as well as the current calibration.
+    """
+    failed = [check for check in checks if not check.passed]
+    return (
+        partial
+        and any(check.kind in _OF_CALIBRATION for check in failed)
+        and all(check.diagnosis is None and check.kind != "consistency" for check in failed)
+    )
+
+
+def advice(
+    product: ProductConfig,
+    verdict: Verdict,
+    failures: int,
+    *,
+    resumable: bool,
+    shortened: bool = False,
+    full_calibration: bool = False,
+) -> str | None:
+    """Return the recommended action; None for a unit that passed.
+
+    It is ``reseat``, ``repeat``, ``set_aside``, ``resume`` or ``full_calibration``. As long as attempts are allowed, a
+    run that the operator `shortened` by ending a stage is repeated in full.
 
     Parameters
     ----------
@@ -246,6 +268,7 @@ def advice(
     failures : number of consecutive failed runs, including this one
     resumable : whether a run that was not completed can be resumed
     shortened : whether the operator ended a solved stage before its schedule did
+    full_calibration : whether only a full calibration is a remedy, see `needs_full_calibration`
     """
     if verdict.passed:
         return None
@@ -253,6 +276,8 @@ def advice(
         return "resume" if resumable else "repeat"
     if product.attempts_allowed is not None and failures >= product.attempts_allowed:
         return "set_aside"
+    if full_calibration:
+        return "full_calibration"
     if shortened:
         return "repeat"
     return product.advice[min(failures, len(product.advice)) - 1]

@@ -112,6 +112,7 @@ class Preview:
     #: Parameters whose check the run fails, because its data do not determine them.
     undetermined: tuple[str, ...] = ()
     partial: bool = False  #: Whether the run omits stages of the product.
+    calibrated: bool = False  #: Whether the run starts from the current calibration of the unit.
 
     @property
     def duration(self) -> float:
@@ -181,6 +182,7 @@ class _Previewer:
             step_labels=self._labels,
             undetermined=tuple(undetermined(chain.prior, chain.solutions, calibrated)) if solve else (),
             partial=is_partial(self._meta),
+            calibrated=bool(calibrated),
         )
 
     def _check(self, plan: StagePlan, violations: list[Violation]) -> float:

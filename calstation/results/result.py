@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, Field, JsonValue, PlainSerializer
 
 from calstation.errors import CalstationError, ConfigurationError, InputError
 from calstation.estimation.common import Consistency
-from calstation.judgement import Check, Conformity, End, StandardComparison, verdict_of
+from calstation.judgement import Check, Conformity, End, StandardComparison, needs_full_calibration, verdict_of
 from calstation.messages import Text, known, os_reason, values_from_json
 from calstation.parsing import read_json
 from calstation.physics import (
@@ -210,7 +210,7 @@ class Result(ResultSection):
     observability: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
     details: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
     outcome: Literal["passed", "failed", "stopped", "fault", "incomplete", "resolved"]
-    advice: str | None = None  #: Recommended action: reseat, repeat, set_aside or resume.
+    advice: str | None = None  #: Recommended action: reseat, repeat, set_aside, resume or full_calibration.
     attempt: int = 1
     operator: str | None = None
     station: str | None = None
@@ -357,6 +357,11 @@ class Result(ResultSection):
         """Parameters that neither the run's data nor the current calibration determine."""
         calibrated = self.calibration.not_improved if self.calibration is not None else ()
         return [name for name in self.unobservable if name not in calibrated]
+
+    @property
+    def lacks_calibration(self) -> bool:
+        """Whether a partial run failed because the unit has no current calibration."""
+        return self.calibration is None and needs_full_calibration(self.checks, partial=self.partial)
 
     @property
     def unjudged(self) -> list[str]:

@@ -15,7 +15,7 @@ from threading import Thread
 
 from calstation.config import RunConfiguration, confirmation_required, missing_report_paths
 from calstation.errors import ConfigurationError
-from calstation.judgement import End, advice, judge, latitude_agrees, verdict_of
+from calstation.judgement import End, advice, judge, latitude_agrees, needs_full_calibration, verdict_of
 from calstation.quality import table_charts
 from calstation.records import RunFilter, Verdict, stages_ended_by_hand
 from calstation.reports import station_request
@@ -53,6 +53,8 @@ def close_run(run: OpenRun, ended: RunEnd) -> None:
     written = bool(run.registers.get("new")) or registers_written(run.meta, log.path.parent)
     resumable = bool(ended.solutions or ended.points) and not written and latitude_agrees(judgement.checks)
     by_hand = stages_ended_by_hand(log.stage_ends, run.meta.schedule)
+    has_calibration = run.meta.run is not None and run.meta.run.calibration is not None
+    shortened = bool(by_hand) and (has_calibration or not judgement.partial)
     ending = Ending(
         verdict,
         str(log.path),
@@ -60,7 +62,14 @@ def close_run(run: OpenRun, ended: RunEnd) -> None:
         registers=run.registers or None,
         error=ended.error,
         stop_reason=str(control.stop_reason) if verdict is Verdict.STOPPED else None,
-        advice=advice(run.setup.product, verdict, failures, resumable=resumable, shortened=bool(by_hand)),
+        advice=advice(
+            run.setup.product,
+            verdict,
+            failures,
+            resumable=resumable,
+            shortened=bool(by_hand),
+            full_calibration=needs_full_calibration(judgement.checks, partial=judgement.partial) and not shortened,
+        ),
         cycle=run.prepared.cycle.phases(),
         ended_utc=datetime.now(UTC).isoformat(),
         table=run.chain.table(),

@@ -912,19 +912,20 @@ def test_preview_without_limits_does_not_call_them_reached(
 
 
 @pytest.mark.parametrize(
-    ("words", "badge", "reason", "selection"),
+    ("words", "badge", "reason", "selection", "uncalibrated"),
     [
         (
             "en",
             "sigmas cannot be predicted",
             "The drifts of a gimbal cannot be predicted.",
             "of this selection",
+            "The unit has no current calibration.",
         ),
-        ("zh_CN", "标准差无法预估", "框架的漂移无法预估", "所选阶段的标准差全部满足限差"),
+        ("zh_CN", "标准差无法预估", "框架的漂移无法预估", "所选阶段的标准差全部满足限差", "这台产品没有现行标定。"),
     ],
 )
 def test_preview_without_prediction_is_neutral_and_a_partial_one_names_its_selection(
-    app: AppContext, qtbot: QtBot, words: str, badge: str, reason: str, selection: str
+    app: AppContext, qtbot: QtBot, words: str, badge: str, reason: str, selection: str, uncalibrated: str
 ) -> None:
     none, sigma, travel = np.zeros(0), np.ones(30), ((-1.0, 1.0), (-1.0, 1.0))
     view = PreviewView(app, lambda: RunRequest(""))
@@ -941,6 +942,9 @@ def test_preview_without_prediction_is_neutral_and_a_partial_one_names_its_selec
     stage = StagePreview("rate", 0.0, 1.0, "plan", 1, 1, ("gyro_bias_x",), sigma)
     view._done(Preview((stage,), none, none, none, (), sigma, {"gyro_bias_x": 2.0}, {}, travel, partial=True))
     assert any(selection in label.text() for label in view.findChildren(QLabel))
+    assert uncalibrated in view._ends.text()
+    view._done(replace(view.preview, calibrated=True))
+    assert uncalibrated not in view._ends.text()
 
 
 def test_preview_of_a_run_that_leaves_a_parameter_undetermined_does_not_call_it_reached(

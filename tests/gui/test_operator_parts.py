@@ -41,6 +41,43 @@ def test_advice_states_the_worst_failure_and_counts_the_others() -> None:
 
 
 @pytest.mark.parametrize(
+    ("code", "reason", "action", "brief"),
+    [
+        (
+            "en",
+            "Without a current calibration of the unit, Azimuth flips alone cannot meet the limits: "
+            "a full calibration is needed. The sigma of accel bias z is 1020 µg; required: ≤ 102 µg.",
+            "Run a full calibration",
+            "Run a full calibration",
+        ),
+        (
+            "zh_CN",
+            "这台产品没有现行标定，只做方位翻转达不到限差要求：需要完整标定。"
+            "加表零偏 z 的标准差为 1020 µg，要求 ≤ 102 µg。",
+            "请进行完整标定",
+            "做完整标定",
+        ),
+    ],
+)
+def test_partial_run_without_a_current_calibration_asks_for_a_full_one(
+    code: Language, reason: str, action: str, brief: str
+) -> None:
+    language.use(code)
+    failed = check_row("sigma_below", "accel_bias_z", 1e-2, 1e-3, passed=False)
+    flips = {"partial": True, "stages": ["azimuth_flip"], "checks": [failed], "advice": "full_calibration"}
+    result = result_with(**flips)
+    assert advice.reason("failed", result).replace("\u00a0", " ") == reason
+    assert advice.next_action("failed", result).startswith(action)
+    assert advice.brief_action("failed", result) == brief
+    assert advice.repeats(result)
+    calibration = {"log": "a.h5", "started_utc": "2026-01-01T00:00:00+00:00"}
+    with_calibration = advice.reason("failed", result_with(**flips, calibration=calibration))
+    assert with_calibration.replace("\u00a0", " ") in reason
+    assert with_calibration.replace("\u00a0", " ") != reason
+    language.use("en")
+
+
+@pytest.mark.parametrize(
     ("code", "reason"),
     [
         ("en", "The data did not determine gyro bias z, accel bias x."),

@@ -10,7 +10,7 @@ import pytest
 from calstation.config import RunRequest, load_configuration
 from calstation.estimation import Diagnosis, ModelTest, Solution
 from calstation.estimation.common import Consistency, Posterior
-from calstation.judgement import SolvedAgain, compare_only, judge
+from calstation.judgement import Check, SolvedAgain, compare_only, judge, needs_full_calibration
 from calstation.judgement.judge import End, advice, is_partial, verdict_of
 from calstation.physics import COUNT, NAMES
 from calstation.records import Excitation, LogMeta, PriorSection, Verdict
@@ -193,6 +193,18 @@ def test_only_a_completed_run_that_passed_and_lacks_no_stage_is_a_pass() -> None
     assert verdict_of(End.COMPLETED, False, partial=True) is Verdict.FAILED
     assert verdict_of(End.COMPLETED, None, partial=False) is Verdict.UNDETERMINED
     assert verdict_of(End.STOPPED, True, partial=False) is Verdict.STOPPED
+
+
+def test_partial_run_needs_a_full_calibration_unless_a_failed_check_has_another_cause() -> None:
+    sigma, value = Check("sigma_below", "accel_bias_z", 2.0, 1.0, "1", False), Check("within", "", 2.0, 1.0, "1", False)
+    inconsistent = Check("consistency", "azimuth_flip", 2.0, 1.0, "1", False)
+    tilted = Check("effects", "azimuth_flip", 2.0, 1.0, "1", False, diagnosis=Diagnosis("tilt"))
+    changed = replace(sigma, kind="change")
+    assert needs_full_calibration([sigma, value, replace(inconsistent, passed=True)], partial=True)
+    assert needs_full_calibration([changed], partial=True)
+    assert not needs_full_calibration([sigma, value], partial=False)
+    for checks in ([value], [sigma, inconsistent], [sigma, tilted], [replace(sigma, passed=True)]):
+        assert not needs_full_calibration(checks, partial=True), checks
 
 
 def test_advice_ends_with_setting_the_unit_aside() -> None:

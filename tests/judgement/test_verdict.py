@@ -79,5 +79,7 @@ def test_failed_unit_with_a_stage_ended_by_hand_is_not_reseated(
 ) -> None:
     assert advice(product, Verdict.FAILED, 1, resumable=False, shortened=True) == "repeat"
     assert advice(product, Verdict.PASSED, 0, resumable=False, shortened=True) is None
+    assert advice(product, Verdict.FAILED, 1, resumable=False, full_calibration=True) == "full_calibration"
+    assert advice(product, Verdict.PASSED, 0, resumable=False, full_calibration=True) is None
     limited = product.model_copy(update={"attempts_allowed": 1})
     assert advice(limited, Verdict.FAILED, 1, resumable=False, shortened=True) == "set_aside"

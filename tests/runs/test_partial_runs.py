@@ -186,4 +186,7 @@ def test_single_stage_group_fails_on_an_uncalibrated_unit(
     assert any(name == "unobservable parameters" or name.endswith((" sigma", " sigma below")) for name in failed), (
         failed
     )
-    assert "no calibration of S-1" in capfd.readouterr().err
+    assert result["advice"] == "full_calibration"
+    printed = capfd.readouterr()
+    assert "no calibration of S-1" in printed.err
+    assert "Without a current calibration of the unit" in printed.out

@@ -207,13 +207,15 @@ def _problem_texts(preview: Preview) -> list[str]:
 
 
 def _end_texts(preview: Preview) -> list[str]:
-    """Return what ends every repeated stage, also before it reaches its targets, and why sigmas cannot be predicted."""
+    """Return what ends every repeated stage, and what limits the sigmas or why they cannot be predicted."""
     repeated = [stage for stage in preview.stages if stage.reason not in ("", "plan")]
     ends = [
         say(f"engineer.ends_{stage.reason}", stage=stage.stage, rounds=rounds_text(stage.stage, stage.rounds))
         for stage in repeated
     ]
     ends += [say("engineer.ends_before_targets", stage=stage.stage) for stage in repeated if stage.missed]
+    if preview.partial and not preview.calibrated:
+        ends.append(say("engineer.preview_uncalibrated"))
     return ends + [_error_text(s.stage, s.error) for s in preview.stages if s.error and not s.predictable]
 
 

@@ -64,6 +64,8 @@ def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str
     tests = [check for check in failed if check.diagnosis is not None]
     first = failed_check_text(tests[0] if tests else max(failed, key=_ratio), result)
     first = first[0].upper() + first[1:]
+    if result.lacks_calibration:
+        first = joined(say("advice.uncalibrated", stages=result.stages), first, language.current())
     more = say("advice.more_failed", count=len(failed) - 1) if len(failed) > 1 else ""
     return joined(first, more, language.current())
 
@@ -158,7 +160,7 @@ def _action(outcome: str, result: Result | None) -> str:
         return "next_unit"
     if outcome == "partial":
         return "next_partial"
-    if advised in ("reseat", "set_aside"):
+    if advised in ("reseat", "set_aside", "full_calibration"):
         return advised
     if outcome == "failed":
         return "repeat_in_full" if result is not None and result.ended_by_hand else "repeat"
