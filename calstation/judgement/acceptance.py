@@ -29,8 +29,10 @@ from calstation.records import (
 #: Smallest rotation of a motion that is sensitive to a scale factor error, rad.
 MIN_TURN = np.deg2rad(10.0)
 #: Number of sigmas by which noise increases a limit: for a rest, noise in excess of the profiles'; for a motion, all
-#: noise.
+#: noise. The limit of a rest is also at least this number of sigmas due to the parameters.
 NOISE_SIGMAS = 4.0
+#: Parameters on which the magnitude of the compensated force depends.
+_OF_FORCE = [i for i, p in enumerate(PARAMETERS) if p.group.startswith("accel_")]
 
 
 def acceptance(
@@ -137,19 +139,35 @@ class _Acceptance:
         """Return the difference in magnitude between the compensated force and gravity, m/s²."""
         return abs(float(np.linalg.norm(rest.compensated(parameters)[1])) - self._gravity)
 
-    def _gravity_at_rest(self, rule: GravityAtRest) -> Iterator[Check]:
-        rests = [
-            (self._force_error(rest, self._after.mean), Where(stage=e.stage, rest=k), rest.excess_sigma)
-            for e in self._evidence
-            for k, rest in enumerate(e.rests)
-            if rest.duration >= rule.shortest_rest_s
+    def _force_sigma(self, rest: RestEvidence) -> float:
+        """Return the sigma of the force error due to the parameters, m/s².
+
+        The covariance includes the uncertainty of gravity, which changes the force and its reference equally.
+        """
+        steps = np.diag(self._after.sigma)[_OF_FORCE]
+        errors = [
+            [float(np.linalg.norm(rest.compensated(self._after.mean + sign * step)[1])) for sign in (1.0, -1.0)]
+            for step in steps
         ]
+        slopes, sigma = 0.5 * (np.array(errors) @ [1.0, -1.0]), self._after.sigma[_OF_FORCE]
+        scale = np.where(sigma > 0.0, sigma, 1.0)
+        correlation = self._after.covariance[np.ix_(_OF_FORCE, _OF_FORCE)] / np.outer(scale, scale)
+        variance = float(slopes @ correlation @ slopes)
+        return math.sqrt(max(variance - (self._context.site.relative_gravity_sigma * self._gravity) ** 2, 0.0))
+
+    def _gravity_at_rest(self, rule: GravityAtRest) -> Iterator[Check]:
+        rests = []
+        for evidence in self._evidence:
+            for k, rest in enumerate(evidence.rests):
+                if rest.duration >= rule.shortest_rest_s:
+                    # noise above the profiles' and the sigmas of the parameters have their own checks
+                    more = NOISE_SIGMAS * rest.excess_sigma
+                    more += max(NOISE_SIGMAS * self._force_sigma(rest) - rule.within, 0.0)
+                    where = Where(stage=evidence.stage, rest=k)
+                    rests.append((self._force_error(rest, self._after.mean), where, more))
         if rests:
-            # noise above the profiles' is tested separately
-            value, where, excess = max(
-                rests, key=lambda row: _value_then_where((row[0] - NOISE_SIGMAS * row[2], row[1]))
-            )
-            yield self._check("gravity_at_rest", value, rule.within + NOISE_SIGMAS * excess, "m/s²", where)
+            value, where, more = max(rests, key=lambda row: _value_then_where((row[0] - row[2], row[1])))
+            yield self._check("gravity_at_rest", value, rule.within + more, "m/s²", where)
 
     def _improvement(self, rule: ImprovementAtRest) -> Iterator[Check]:
         candidates = [e for e in self._evidence if e.rests and rule.stage in (None, e.stage)]

@@ -39,11 +39,11 @@ def motion(angle: float, scale: float = 0.0, before: int = 0, after: int = 1) ->
     return MotionEvidence(before, after, 2.0, abs(angle), seen, np.zeros(COUNT), seen, derivative)
 
 
-def solution(evidence: Evidence | None = None, estimated=NAMES, **values: float) -> Solution:
+def solution(evidence: Evidence | None = None, estimated=NAMES, sigma=1e-4, **values: float) -> Solution:
     mean = np.zeros(COUNT)
     for name, value in values.items():
         mean[INDEX[name]] = value
-    posterior = Posterior(mean, np.diag(np.full(COUNT, 1e-4) ** 2))
+    posterior = Posterior(mean, np.diag(np.full(COUNT, sigma) ** 2))
     return Solution("multi_position", posterior, tuple(estimated), Consistency(1.0, 0.9, 1.1, 9), evidence=evidence)
 
 
@@ -63,19 +63,47 @@ def rests(*forces) -> Evidence:
 def test_gravity_check_uses_the_worst_compensated_rest():
     # z measures 0.03 too much, of which the estimated bias leaves 0.001; x has an error of 0.004
     evidence = rests([0.0, 0.0, G + 0.031], [0.0, 0.0, -G + 0.03], [G + 0.004, 0.0, 0.03])
-    check = checked({"gravity_at_rest": {"within": 5e-3}}, solution(evidence, accel_bias_z=0.03))
+    check = checked({"gravity_at_rest": {"within": 5e-3}}, solution(evidence, sigma=1e-7, accel_bias_z=0.03))
     checks = check["gravity_at_rest"]
     assert checks.value == pytest.approx(0.004, abs=1e-6)
     assert str(checks.where) == "multi_position rest 2"
     assert checks.passed
     assert not checks.near_miss
     assert checks.margin == pytest.approx(0.001, abs=1e-6)
-    tight = checked({"gravity_at_rest": {"within": 4.5e-3}}, solution(evidence, accel_bias_z=0.03))
+    tight = checked({"gravity_at_rest": {"within": 4.5e-3}}, solution(evidence, sigma=1e-7, accel_bias_z=0.03))
     assert tight["gravity_at_rest"].near_miss
-    missed = checked({"gravity_at_rest": {"within": 3e-3}}, solution(evidence, accel_bias_z=0.03))
+    missed = checked({"gravity_at_rest": {"within": 3e-3}}, solution(evidence, sigma=1e-7, accel_bias_z=0.03))
     assert not missed["gravity_at_rest"].passed
     assert not missed["gravity_at_rest"].near_miss
     assert missed["gravity_at_rest"].margin < 0.0
+
+
+@pytest.mark.parametrize(("sigma_z", "limit"), [(1e-5, 5e-3), (1.2e-3, 5e-3), (3e-3, 12e-3)])
+def test_force_at_rest_may_differ_from_gravity_by_the_uncertainty_of_the_parameters(sigma_z, limit):
+    sigma = np.zeros(COUNT)
+    sigma[INDEX["accel_bias_z"]] = sigma_z
+    uncertain = replace(solution(rests([0.0, 0.0, G + 0.01])), posterior=Posterior(np.zeros(COUNT), np.diag(sigma**2)))
+    check = checked({"gravity_at_rest": {"within": 5e-3}}, uncertain)["gravity_at_rest"]
+    assert (check.limit, check.passed) == (pytest.approx(limit, rel=1e-5), limit > 0.01)
+
+
+@pytest.mark.parametrize(("scale", "limit"), [(-1.0, 5e-3), (1.0, 16e-3)])
+def test_uncertainty_of_the_force_at_rest_follows_from_the_covariance(scale, limit):
+    # bias and scale factor errors that compensate each other at +z, and add up at -z
+    direction = np.zeros(COUNT)
+    direction[[INDEX["accel_bias_z"], INDEX["accel_scale_z"]]] = 2e-3, scale * 2e-3 / G
+    evidence = rests([0.0, 0.0, G + 0.01])
+    joint = replace(solution(evidence), posterior=Posterior(np.zeros(COUNT), np.outer(direction, direction)))
+    check = checked({"gravity_at_rest": {"within": 5e-3}}, joint)["gravity_at_rest"]
+    assert check.limit == pytest.approx(limit, rel=2e-3)
+
+
+def test_uncertainty_of_gravity_does_not_increase_the_limit_of_the_force_at_rest():
+    direction = np.zeros(COUNT)
+    direction[INDEX["accel_bias_z"]] = context().site.relative_gravity_sigma * G
+    evidence = rests([0.0, 0.0, G + 1e-6])
+    scaled = replace(solution(evidence), posterior=Posterior(np.zeros(COUNT), np.outer(direction, direction)))
+    assert checked({"gravity_at_rest": {"within": 1e-9}}, scaled)["gravity_at_rest"].limit < 2e-9
 
 
 def test_short_pause_is_not_judged_as_a_rest():
@@ -128,7 +156,7 @@ def test_improvement_is_relative_to_the_uncalibrated_output():
 
 def test_failed_check_at_rest_names_the_state_that_the_parameters_do_not_correct():
     evidence = rests([0.0, 0.0, G * (1.0 + 5e-5)], [0.0, 0.0, -G * (1.0 - 5e-5)])
-    found = solution(evidence)
+    found = solution(evidence, sigma=1e-7)
     for state, cause in (("accel_asymmetry_z", "accel_asymmetry"), ("accel_cross_xy", None)):
         with_state = replace(found, estimates={state: Estimate(5e-5, 1e-6, "1")})
         (check,) = checked({"gravity_at_rest": {"within": 4e-4, "shortest_rest_s": 1.0}}, with_state).values()
