@@ -1,6 +1,7 @@
 """Solving of a stored log with the same solver chain as a run, and loading of finished runs for analysis."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -27,6 +28,7 @@ from calstation.messages import Text, os_reason, sentence
 from calstation.physics import EffectName
 from calstation.records import (
     SUFFIX,
+    Limit,
     Log,
     LogMeta,
     ModelSection,
@@ -266,6 +268,8 @@ class FinishedRun:
     #: Labels of the moves by the number of the step; empty if the log cannot be read or has none.
     step_labels: Mapping[int, tuple[str | float, ...]] = field(default_factory=dict)
     previous_utc: str = ""  #: Start of the latest run in `previous`, ISO 8601; "" if none is.
+    #: Limits of the product in the log, SI, by parameter or group; empty like `step_labels`.
+    limits: Mapping[str, Limit] = field(default_factory=dict)
 
     @property
     def runs(self) -> Path:
@@ -294,15 +298,14 @@ def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> Finis
         history = History(runs, measured=not result.simulated)
         history.refresh()
         previous, previous_utc = history.previous(result.serial, result.product, result.started_utc)
-    return FinishedRun(result, log, previous, _step_labels(log), previous_utc)
-
-
-def _step_labels(log: Path | None) -> dict[int, tuple[str | float, ...]]:
-    """Return the labels of the moves in a log; none if it is missing or damaged, which does not affect the result."""
-    try:
-        return step_labels(open_log(log).events) if log is not None else {}
-    except InputError:
-        return {}
+    labels: Mapping[int, tuple[str | float, ...]] = {}
+    limits: Mapping[str, Limit] = {}
+    with suppress(InputError):  # a missing or damaged log does not affect the result
+        if log is not None:
+            opened = open_log(log)
+            limits = opened.meta.product.limits if opened.meta.product is not None else {}
+            labels = step_labels(opened.events)
+    return FinishedRun(result, log, previous, labels, previous_utc, limits)
 
 
 def resolve_with_state(report: ProgressCallback, run: FinishedRun, state: EffectName) -> FinishedRun:
@@ -320,4 +323,4 @@ def resolve_with_state(report: ProgressCallback, run: FinishedRun, state: Effect
 
     states = (*run.result.states_added, state)
     result = resolve(run.log, stages, log.first_seq, log.last_seq, watch, states=states).result
-    return FinishedRun(result, run.log, run.result.parameters, run.step_labels)
+    return FinishedRun(result, run.log, run.result.parameters, run.step_labels, limits=run.limits)

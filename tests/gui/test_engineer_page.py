@@ -57,7 +57,7 @@ from calstation.gui.widgets import (
 from calstation.jobs import Job
 from calstation.judgement import Check
 from calstation.messages import Text
-from calstation.records import audit_path, open_log, read_audit
+from calstation.records import Limit, audit_path, open_log, read_audit
 from calstation.registers import journal as register_journal
 from calstation.results import SCHEMA, FinishedRun, Parameter, Preview, Result, StagePreview
 from calstation.runs import run_summary
@@ -854,6 +854,41 @@ def test_verdict_stands_before_the_comparison_with_the_previous_run(app: AppCont
     verdict = headings.index(say("common.verdict"))
     assert table.columnViewportPosition(verdict) + table.columnWidth(verdict) <= table.viewport().width()
     assert verdict < headings.index(say("engineer.previous"))
+
+
+@pytest.mark.parametrize(
+    ("code", "verdict", "change", "why"),
+    [
+        ("en", "not judged", "not improved", "the value is that of the current calibration"),
+        ("zh_CN", "未判定", "未改进", "所列为现行标定的值"),
+    ],
+)
+def test_value_of_the_current_calibration_has_limits_but_is_not_judged(
+    app: AppContext, qtbot: QtBot, code: str, verdict: str, change: str, why: str
+) -> None:
+    language.use(code)
+    row = {"value": 3.0e-6, "sigma": 3.0e-7, "unit": "rad/s", "stage": "azimuth_flip"}
+    calibration = {"log": "a.h5", "started_utc": "2026-01-01T00:00:00+00:00", "not_improved": ["gyro_bias_x"]}
+    names = ["gyro_bias_x", "gyro_bias_y"]
+    run = replace(
+        finished_run(dict.fromkeys(names, row), partial=True, calibration=calibration, not_compared=names),
+        previous=dict.fromkeys(names, Parameter(value=3.1e-6, sigma=3.0e-7)),
+        limits={"gyro_bias": Limit(within=1.5e-5, sigma_below=9.7e-8)},
+    )
+    view = ResultView(JobWatch(app, Job), ReleaseBar(app, "release"))
+    qtbot.addWidget(view)
+    view.show_run(run)
+    x, y = (view.findChild(CellTable, "result_table").cells[name] for name in names)
+    assert [cells[key].strip() for cells in (x, y) for key in ("limit", "sigma_limit", "verdict")] == 2 * [
+        "±3.1",
+        "0.02",
+        verdict,
+    ]
+    assert x["in_sigma"].strip() == change
+    assert y["in_sigma"].strip() == "-0.24"
+    assert why in x["hint"]
+    assert y["hint"]
+    assert y["hint"] != x["hint"]
 
 
 def test_columns_without_enough_room_elide_headings_but_no_numbers(qtbot: QtBot) -> None:

@@ -34,7 +34,16 @@ from calstation.gui.widgets import (
 )
 from calstation.judgement import Check
 from calstation.messages import local_time
-from calstation.physics import NAMES, compared_number, display, further_parameter, limit_number, limit_numbers, number
+from calstation.physics import (
+    NAMES,
+    compared_number,
+    display,
+    entry_of,
+    further_parameter,
+    limit_number,
+    limit_numbers,
+    number,
+)
 from calstation.records import CheckKind
 from calstation.results import (
     FinishedRun,
@@ -187,21 +196,29 @@ def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
     checks: dict[str, Check] = {
         check.kind: check for check in result.checks if is_parameter_check(check) and check.subject == name
     }
-    verdict = "lost" if name in result.undetermined else _verdict(checks)
+    not_improved = result.calibration is not None and name in result.calibration.not_improved
+    unjudged = name in result.not_compared and not checks
+    verdict = "lost" if name in result.undetermined else "unjudged" if unjudged else _verdict(checks)
     value, unit = _display(name, parameter.value)
     sigma, _ = _display(name, parameter.sigma)
     size = 1.0 / _display(name, 1.0)[0]
     within, below = (checks.get(kind) for kind in ("within", "sigma_below"))
-    limits = () if within is None else (within.limit, within.acceptance)
+    limit, accepted = (None, None) if within is None else (within.limit, within.acceptance)
+    sigma_limit = None if below is None else below.limit
+    stated = entry_of(finished.limits, name) if unjudged else None
+    if stated is not None:
+        limit, sigma_limit = stated.interval, stated.sigma_limit(parameter.stage)
     cells = {
         "unit": unit or parameter.unit,
-        "value": compared_number(number(value, sigma), size, parameter.value, *limits),
-        "sigma": compared_number(number(sigma, sigma), size, parameter.sigma, None if below is None else below.limit),
+        "value": compared_number(number(value, sigma), size, parameter.value, limit, accepted),
+        "sigma": compared_number(number(sigma, sigma), size, parameter.sigma, sigma_limit),
         "stage": term("stage", parameter.stage),
         "verdict": say(f"engineer.verdict_{verdict}"),
         "verdict_state": _SHAPES.get(verdict, ""),
         "hint": _conformity_hint(result, name),
     }
+    if unjudged:
+        cells["hint"] = say(f"engineer.unjudged_{'not_improved' if not_improved else 'undetermined'}")
     if at is not None:
         cells["at"] = f"{at:.0f}"
     if previous is not None:
@@ -211,16 +228,18 @@ def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
         # a trial with an added state solves the same data again
         sigmas = in_sigma(at_reference, previous, independent=not result.states_added)
         cells["in_sigma"] = "0" if before == now else sigmas_text(sigmas)
-        if abs(sigmas) > NOTABLE_SIGMAS:
+        if not_improved:  # the difference of a value from itself is no repeatability
+            cells["in_sigma"] = say("engineer.not_improved")
+        elif abs(sigmas) > NOTABLE_SIGMAS:
             cells["change_state"] = "caution"
-    for key, interval in zip(("limit", "accepted"), limits, strict=False):
+    for key, interval in (("limit", limit), ("accepted", accepted)):
         if isinstance(interval, tuple):
             low, high = limit_numbers(interval, size, parameter.value)
             cells[key] = f"±{high}" if interval[0] == -interval[1] else f"{low} … {high}"
             if interval[0] > interval[1]:  # the guard band leaves nothing
                 cells[key] = _NONE
-    if below is not None and not isinstance(below.limit, tuple):
-        cells["sigma_limit"] = limit_number(below.limit, size, parameter.sigma)
+    if sigma_limit is not None and not isinstance(sigma_limit, tuple):
+        cells["sigma_limit"] = limit_number(sigma_limit, size, parameter.sigma)
     return cells
 
 
