@@ -244,6 +244,8 @@ def _show_run(run: Finalized, json: str | None, request: RunRequest) -> None:
     if json != "-":
         result_table(console, result)
     show_line(console, f"{result.serial}: {sentence(outcome_text(result))}")
+    if result.verdict is Verdict.PARTIAL and result.unjudged:
+        show_line(console, say("advice.not_judged", names=result.unjudged))
     for note in hand_notes(result):
         show_line(console, note)
     if result.cycle:

@@ -365,10 +365,9 @@ class Result(ResultSection):
 
     @property
     def unjudged(self) -> list[str]:
-        """Parameters with a limit that a run of all stages did not judge; their group if it judged none of it."""
-        if self.partial:  # the verdict on a partial run is about its own stages only
-            return []
-        left = {name: group for name, group in GROUP_BY_NAME.items() if name in self.not_compared}
+        """Parameters with a limit that were not judged, of a partial run only solved ones; their group if all of it."""
+        names = {*self.not_compared} & ({*self.parameters} if self.partial else {*GROUP_BY_NAME})
+        left = {name: group for name, group in GROUP_BY_NAME.items() if name in names}
         in_part = {group for name, group in GROUP_BY_NAME.items() if name not in left}
         return list(dict.fromkeys(name if group in in_part else group for name, group in left.items()))
 

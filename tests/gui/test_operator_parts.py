@@ -15,7 +15,7 @@ from calstation.gui.operator.live.table_panel import TablePanel
 from calstation.gui.operator.live.traces import Traces
 from calstation.gui.operator.starting import suggested_serial
 from calstation.gui.state import UnitStatus
-from calstation.gui.text import check_text, language
+from calstation.gui.text import check_text, language, say
 from calstation.gui.widgets import NumberAxis, spread, theme
 from calstation.judgement import Check
 from calstation.messages import Language
@@ -143,6 +143,32 @@ def test_limits_that_no_stage_judged_are_named_beside_pass(code: Language, name:
         assert name.split(", ")[0] in text
     every = advice.reason("passed", result_with())
     assert every not in advice.reason("passed", unjudged)
+    language.use("en")
+
+
+@pytest.mark.parametrize(
+    ("code", "reason"),
+    [
+        (
+            "en",
+            "Only Azimuth flips: every judged value is within its limits. "
+            "Not judged although they have a limit: gyro bias.",
+        ),
+        ("zh_CN", "只做了方位翻转：已判定的值均在限差之内。有限差但未判定：陀螺零偏。"),
+    ],
+)
+def test_partial_run_names_the_solved_values_that_were_not_judged(code: Language, reason: str) -> None:
+    """Values of stages that were not run are not named."""
+    language.use(code)
+    names = [f"gyro_bias_{axis}" for axis in "xyz"]
+    row = {"value": 0.0, "sigma": 1e-6, "unit": "rad/s", "stage": "azimuth_flip"}
+    partial = {"partial": True, "stages": ["azimuth_flip"], "parameters": dict.fromkeys(names, row)}
+    result = result_with(**partial, not_compared=[*names, "gyro_scale_x"])
+    assert result.unjudged == ["gyro_bias"]
+    assert advice.reason("partial", result).replace("\u00a0", " ") == reason
+    judged = result_with(**partial, not_compared=["gyro_scale_x"])
+    assert judged.unjudged == []
+    assert advice.reason("partial", judged) == say("advice.partial", stages=["azimuth_flip"])
     language.use("en")
 
 

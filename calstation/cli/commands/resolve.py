@@ -77,6 +77,8 @@ def resolve(
         ending = without_verdict if passed is None else within_limits if passed else "failed"
         values = {"stages": solved.result.stages, "failure": solved.result.failure, "names": unjudged}
         out.print(say(f"cli.resolved_{ending}", **values))
+        if within_limits == "partial" and passed and unjudged:
+            out.print(say("advice.not_judged", names=unjudged))
         for note in hand_notes(solved.result):
             out.print(note)
     if solved.missing_data:

@@ -53,7 +53,7 @@ def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str
     checks = [] if result is None else result.checks
     if outcome in ("passed", "partial"):
         unjudged = [] if result is None else result.unjudged
-        code = "passed_judged" if outcome == "passed" and unjudged else outcome
+        code = f"{outcome}_judged" if unjudged else outcome
         passed = say(f"advice.{code}", stages=[] if result is None else result.stages, names=unjudged)
         return joined(passed, _near(checks), language.current())
     if outcome != "failed":
