@@ -84,7 +84,8 @@ def target_registers(progress: ProgressCallback, request: RunRequest, result: Re
     result is combined with the registers in the log.
 
     Raises InputError if a required log is missing, if IMU profile or product differ from those of the result, if the
-    result was not tested or contains states added for a trial, or if the registers cannot store it over temperature.
+    result was not tested or contains states added for a trial, if it was simulated and the station has hardware, or if
+    the registers cannot store it over temperature.
 
     Parameters
     ----------
@@ -97,6 +98,8 @@ def target_registers(progress: ProgressCallback, request: RunRequest, result: Re
     if result.states_added:
         raise InputError("transfer.result_of_trial", states=", ".join(result.states_added))
     setup = load_configuration(request)
+    if result.simulated and setup.station.bench is None:
+        raise InputError("transfer.result_simulated")
     imu_file, profile = result.configuration.get("imu"), setup.sources["imu"].section.name
     if imu_file is not None and imu_file.name != profile:
         names = {

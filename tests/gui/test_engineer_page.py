@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tomli_w
 from PySide6.QtCore import QEvent, QPoint, QPointF, Qt
 from PySide6.QtGui import QGuiApplication, QHelpEvent
 from PySide6.QtWidgets import (
@@ -56,7 +57,7 @@ from calstation.gui.widgets import (
 )
 from calstation.jobs import Job
 from calstation.judgement import Check
-from calstation.messages import Text
+from calstation.messages import Text, local_time
 from calstation.records import Limit, audit_path, open_log, read_audit
 from calstation.registers import journal as register_journal
 from calstation.results import SCHEMA, FinishedRun, Parameter, Preview, Result, StagePreview
@@ -64,7 +65,7 @@ from calstation.runs import run_summary
 from calstation.sequencer import Settled
 from tests.check_rows import check_row
 from tests.gui.conftest import SERIAL, Operator, SiteFolder
-from tests.site_folder import PRODUCT
+from tests.site_folder import PRODUCT, STATION
 
 pytestmark = pytest.mark.long
 
@@ -1106,6 +1107,57 @@ def test_registers_read_at_another_station_are_not_shown(engineer: Engineer, cod
     engineer.until_no_job()
     engineer.until(lambda: not registers.watch.busy)
     assert registers.unit is None
+
+
+@pytest.mark.parametrize(
+    ("code", "reason", "written"),
+    [
+        ("en", "The result was simulated on a virtual bench", "egisters written"),
+        ("zh_CN", "该结果由虚拟台架仿真得到", "寄存器写入于"),
+    ],
+)
+def test_simulated_result_is_not_written_to_a_real_unit(
+    engineer: Engineer, code: str, reason: str, written: str
+) -> None:
+    app, registers = engineer.window.app, engineer.page.registers
+    app.set_language(code)
+    engineer.unlock()
+    found = {"gyro_bias_x": {"value": 1e-6, "sigma": 1e-8, "unit": "rad/s", "stage": "six_position"}}
+    wrote = {"old": {}, "new": {"gyro_bias_x": 1e-6}, "verified": True, "written_utc": "2026-07-01T03:03:00+00:00"}
+    registers.show_run(finished_run(found, simulated=True, registers=wrote))
+    engineer.show_view(5)
+    engineer.until(lambda: registers.target is not None)
+    assert written in engineer.says()
+    station = engineer.site_folder.station.with_name("line3.toml")
+    ports = {"table": {"profile": "bench", "port": "tcp://127.0.0.1:9"}, "imu": {"port": "socket://127.0.0.1:9"}}
+    station.write_text(tomli_w.dumps({**STATION, **ports}), encoding="utf-8")
+    app.set_station(station)
+    engineer.until(lambda: reason in engineer.says())
+    assert reason in engineer.why_not("write_registers_button")
+    assert written not in engineer.says()
+
+
+@pytest.mark.parametrize(("code", "said"), [("en", "Registers written"), ("zh_CN", "寄存器写入于")])
+def test_time_after_a_write_is_that_of_the_write(engineer: Engineer, code: str, said: str) -> None:
+    engineer.window.app.set_language(code)
+    engineer.window.app.role.unlock("246813")
+    view, wrote = engineer.page.registers, "2026-07-01T03:03:00+00:00"
+    found = {"gyro_scale_x": {"value": 1e-4, "sigma": 1e-6, "unit": "1", "stage": "rate"}}
+    registers = {"old": {}, "new": {"gyro_scale_x": 1e-4}, "verified": True, "written_utc": wrote}
+    view.show_run(finished_run(found, registers=registers))
+    engineer.until(lambda: view.target is not None)
+    engineer.show_view(5)
+    assert f"{said} {local_time(wrote)}" in engineer.says()
+    purpose = register_journal.Purpose("li", "hand", "x.h5")
+    transfer = register_journal.begin(engineer.site_folder.runs, SERIAL, {}, {"gyro_scale_x": 1e-4}, purpose)
+    transfer.note(Step.COMMITTING)
+    transfer.close(Closing.DONE)
+    register = {"parameter": "gyro_scale_x", "address": 12, "value": 1e-4, "raw": "0"}
+    unit = {"serial": SERIAL, "model": "m", "firmware": "1", "registers": [register], "commits": 2, "virtual": True}
+    view._operation = RegisterOperation(engineer.page._request(), "write")
+    view._show_end(Settled(SERIAL, "done", "rest", unit))
+    assert f"{said} {local_time(transfer.utc)}" in engineer.says()
+    assert local_time(wrote) not in engineer.says()
 
 
 def test_reason_that_prevents_a_write_is_shown_once_and_wraps(engineer: Engineer) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
+import tomli_w
 
 from calstation.cli.app import run_app
 from calstation.cli.commands.registers import largest_change
@@ -20,7 +21,7 @@ from calstation.runs import execute
 from calstation.sequencer import Control
 from tests.helpers import ignore_progress, raises_code
 from tests.registers.operations import RegisterOperations
-from tests.site_folder import SiteFolder
+from tests.site_folder import STATION, SiteFolder
 
 SERIAL = "SN-000042"
 NAV, MEMS = "Bench IMU, navigation grade", "Bench IMU, MEMS grade"
@@ -159,6 +160,25 @@ def test_registers_are_not_written_from_unjudged_parameters(journal_site: Journa
     }
     with raises_code(InputError, "transfer.result_untested"):
         target_registers(ignore_progress, journal_site.site_folder.request(), Result.from_json(result))
+
+
+def test_registers_of_a_real_unit_are_not_written_from_a_simulated_result(journal_site: JournalSite) -> None:
+    result = {
+        "unit": {"serial": SERIAL},
+        "parameters": {"gyro_bias_x": {"value": 1e-6, "sigma": 0.0}},
+        "simulated": True,
+        "schema": "calstation.result/1",
+        "stages": [],
+        "outcome": "passed",
+        "log": {"file": ""},
+    }
+    simulated, site = Result.from_json(result), journal_site.site_folder
+    assert target_registers(ignore_progress, site.request(), simulated).values["gyro_bias_x"]
+    ports = {"table": {"profile": "bench", "port": "tcp://127.0.0.1:9"}, "imu": {"port": "socket://127.0.0.1:9"}}
+    site.station.write_text(tomli_w.dumps({**STATION, **ports}), encoding="utf-8")
+    with raises_code(InputError, "transfer.result_simulated"):
+        target_registers(ignore_progress, site.request(), simulated)
+    assert target_registers(ignore_progress, site.request(), Result.from_json({**result, "simulated": False})).values
 
 
 def test_largest_change_is_relative_to_the_expected_change(journal_site: JournalSite) -> None:

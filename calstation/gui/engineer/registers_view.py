@@ -185,10 +185,7 @@ class RegistersView(QWidget):
             return
         self._is_outdated = True
         self.unit, self._settled, self._error = None, None, ""
-        if self._run is not None:
-            self.show_run(self._run)
-        else:
-            self._fill()
+        self._fill() if self._run is None else self.show_run(self._run)
 
     def _read(self) -> None:
         self._is_outdated = False
@@ -306,12 +303,11 @@ class RegistersView(QWidget):
         run, shown = self._run, self.unit or self.target
         self._wrote = self._latest = None
         try:
-            if run is not None:
+            station = load_station(self._request().station)[1]
+            if run is not None and not (run.result.simulated and station.bench is None):  # wrote none to a real unit
                 self._wrote = run_registers(run.result, run.runs)
             if shown is not None:
-                self._latest = unit_transfer(
-                    load_station(self._request().station)[1], self._app.runs_folder, shown.serial
-                )
+                self._latest = unit_transfer(station, self._app.runs_folder, shown.serial)
         except CalstationError as error:
             self._error = error.as_text
 
@@ -387,8 +383,8 @@ class RegistersView(QWidget):
             "changes": len(changes),
             "addresses": ranges_of(map(self._address, changes)),
             "commits": unit.commits + 1,
+            "engineer": self._request().operator or "",
         }
-        values["engineer"] = self._request().operator or ""
 
         def text() -> str:
             return f"{say('engineer.about_write', **values)}\n{self._about_verification('verify')}"
@@ -484,13 +480,15 @@ class RegistersView(QWidget):
         """Return what is known about the registers of the unit."""
         proof = "" if self._settled is None else self._settled.proof
         texts = [say(f"engineer.verified_{proof}")] if proof else []
-        if self._stated is not None:
-            wrote = say("engineer.run_wrote", what=self._stated.texts)
+        what = [] if self._stated is None else self._stated.texts
+        if self._settled is not None and self._latest is not None and self._latest.why == "hand":
+            what = [Text.of("registers.written_at", time=self._latest.utc)]
+        if what:
+            wrote = say("engineer.run_wrote", what=what)
             texts.append(wrote[0].upper() + wrote[1:])
         if self._why_no_target:
             texts.append(say(self._why_no_target))
-        unit = self.unit
-        if unit is not None:
+        if (unit := self.unit) is not None:
             values = {"model": unit.model, "firmware": unit.firmware, "commits": unit.commits}
             texts.append(say("engineer.unit_read", serial=unit.serial, **values))
             if unit.virtual:
