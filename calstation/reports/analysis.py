@@ -18,6 +18,7 @@ from calstation.results import (
     Parameter,
     Result,
     StageChain,
+    Temperature,
     one_blas_thread,
     solved_parameters,
     stage_diagnostics,
@@ -41,6 +42,8 @@ class Analysis:
     budget: Budget
     effects_tested: bool  #: Whether the data were tested for effects outside the error model.
     invalid: int  #: Number of samples that were marked invalid.
+    #: Temperature of the unit in the valid samples of the solved stages; None if unknown.
+    temperature: Temperature | None
     warnings: tuple[Text, ...]  #: Warnings during the run, from the events of the log.
     identified: Mapping[str, str]  #: Names and serial numbers reported by the table and the IMU; empty if unknown.
 
@@ -56,9 +59,21 @@ class _SigmaRecorder:
         self.sigma: list[FloatArray] = []
         self.spans: dict[str, tuple[float, float]] = {}
         self.invalid = 0
+        self._stages = result.stages
+        #: Number, sum, minimum and maximum of the temperatures of every block of a solved stage.
+        self._temperatures: list[tuple[float, ...]] = []
 
-    def count_invalid(self, block: SampleBlock) -> None:
+    def observe(self, block: SampleBlock) -> None:
         self.invalid += int(np.count_nonzero(~block.valid))
+        values = block.temperature[block.valid & ~np.isnan(block.temperature)]
+        if block.stage in self._stages and len(values):
+            self._temperatures.append((len(values), float(values.sum()), float(values.min()), float(values.max())))
+
+    def temperature(self) -> Temperature | None:
+        if not self._temperatures:
+            return None
+        counts, sums, lowest, highest = zip(*self._temperatures, strict=True)
+        return Temperature(mean=round(sum(sums) / sum(counts), 3), min=min(lowest), max=max(highest))
 
     def record(self, done: float, stage: str) -> None:
         time_now = done * self._length / self._rate
@@ -84,7 +99,7 @@ def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
         report(_SOLVED * done, note=stage)
         recorder.record(done, stage)
 
-    chain = solve_again(log, result, meta, on_progress, recorder.chain, recorder.count_invalid)
+    chain = solve_again(log, result, meta, on_progress, recorder.chain, recorder.observe)
     recorder.finish()
     _check(result, log, chain)
     with one_blas_thread():
@@ -103,6 +118,7 @@ def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
         budget,
         chain.model_tests.effects_tested,
         recorder.invalid,
+        recorder.temperature(),
         tuple(_warnings(log)),
         next((e["values"] for e in log.events if e.get("event") == "Message" and e.get("id") == "identified"), {}),
     )

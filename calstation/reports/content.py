@@ -31,7 +31,7 @@ from calstation.records import (
     Verdict,
 )
 from calstation.reports.budget import Budget
-from calstation.results import Result
+from calstation.results import Result, Temperature
 
 Decision = Literal["passed", "failed", "not_judged"]
 
@@ -85,6 +85,8 @@ class Certificate:
     #: Names of the persons who issued the certificate and confirmed their identity with their own PINs.
     authorised: tuple[str, ...] = ()
     trail: TrailHead | None = None  #: Head of the audit trail of the site before the issue.
+    #: Temperature of the unit in the data from which the values were calculated; None if unknown.
+    temperature: Temperature | None = None
     rewritten: str | None = None  #: Time at which the registers were written again after the run, ISO 8601.
 
     @property

@@ -228,7 +228,7 @@ def _equipment(instrument: InstrumentSection) -> etree._Element:
 
 
 def _conditions(certificate: Certificate) -> Iterable[etree._Element]:
-    temperature = certificate.result.temperature_c
+    temperature = certificate.temperature
     if temperature is not None:
         rows: tuple[tuple[str, float, dict[str, str]], ...] = (
             ("minimum", temperature.min, {"refType": "basic_temperatureMin"}),

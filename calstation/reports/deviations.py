@@ -35,7 +35,7 @@ def deviations(certificate: Certificate, analysis: Analysis) -> Iterator[Text]:
 
 def not_included(certificate: Certificate, analysis: Analysis) -> Iterator[Text]:
     """Yield the effects that the stated uncertainties do not include."""
-    result, temperature = certificate.result, certificate.result.temperature_c
+    result, temperature = certificate.result, certificate.temperature
     if result.temperature is not None:
         low, high = result.temperature.range_c
         yield Text.of("certificate.n_over_temperature", low=low, high=high)

@@ -338,7 +338,7 @@ class _Document:
         }
 
     def _environment(self) -> dict[str, Any]:
-        site, temperature = context_from_meta(self._meta).site, self._result.temperature_c
+        site, temperature = context_from_meta(self._meta).site, self._certificate.temperature
         gravity_sigma = site.relative_gravity_sigma * site.local_gravity
         return {
             "temperature": None

@@ -164,7 +164,7 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
         record, certificate = replace(record, authorised=names), replace(certificate, authorised=names)
     share = _ANALYSED - _READ
     analysis = analyse(lambda done, *_, note="": report(_READ + share * done, note=note), log, result)
-    certificate = replace(certificate, budget=analysis.budget)
+    certificate = replace(certificate, budget=analysis.budget, temperature=analysis.temperature)
     dcc = write_dcc(certificate, deviations(certificate, analysis))
     dcc = dcc if signer is None else sign_xml(dcc, signer)
     digital = Attachment(f"{certificate.identification}.xml", "application/xml", dcc, "alternative")

@@ -60,6 +60,7 @@ from calstation.results.result import (
     Parameter,
     Registers,
     Result,
+    Temperature,
     TemperatureResult,
     Verification,
     in_sigma,

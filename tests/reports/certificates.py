@@ -2,7 +2,7 @@
 
 import pickle
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -63,7 +63,7 @@ def make(shared: SharedRuns, folder: Path, kind: str) -> Made:
     analysis = pickle.loads((folder / "analysis.pickle").read_bytes())
     log = open_log(result_file.with_suffix(".h5"))
     certificate = build_certificate(load_result(result_file), log.meta, budget=analysis.budget)
-    return Made(folder, result_file, certificate, analysis)
+    return Made(folder, result_file, replace(certificate, temperature=analysis.temperature), analysis)
 
 
 def with_laboratory(site: SiteFolder, **entries: Any) -> None:

@@ -31,7 +31,7 @@ def certificate() -> Certificate:
 def analysis() -> Analysis:
     sigma = np.ones((2, len(NAMES)))
     spans = {"temperature": (0.0, 600.0)}
-    return Analysis(np.array([0.0, 600.0]), sigma, spans, {}, sigma[0], sigma[1], Budget({}, {}), True, 0, (), {})
+    return Analysis(np.array([0.0, 600.0]), sigma, spans, {}, sigma[0], sigma[1], Budget({}, {}), True, 0, None, (), {})
 
 
 def test_table_contains_both_ends_the_reference_and_the_worst_value(
