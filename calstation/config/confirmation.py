@@ -9,8 +9,9 @@ from calstation.config.request import Confirmation, plain_text
 from calstation.config.station import StationConfig
 from calstation.errors import ConfigurationError
 
-#: Overriding a failed unit or check standard, writing registers outside a run, or issuing a certificate or a revision.
-Action = Literal["override", "registers", "certificate", "revision"]
+#: Overriding a failed unit or check standard, writing registers outside a run, issuing a certificate or a revision, or
+#: printing an issued certificate again.
+Action = Literal["override", "registers", "certificate", "revision", "reprint"]
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ def confirmation_required(action: Action, product: ProductConfig, station: Stati
     """Return what an action with a unit of a product requires at a station.
 
     An override always requires a PIN, and the revision of a certificate does at a station that lists engineers; other
-    actions require one only if the product requires a second person.
+    actions require one only if the product requires a second person, and printing a certificate again requires nothing.
     """
     kind = "certificate" if action == "revision" else action
     second = product.confirmation is not None and kind in product.confirmation.required_for

@@ -153,14 +153,13 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
     signer = None if request.signing is None else load_signer(request.signing)
     result, log = load_source(lambda done, *_, note="": report(_READ * done, note=note), request.source)
     certificate, before, record = _number_certificate(result, log, request)
-    confirmation = Confirmation("")
+    people, names = _confirm_issue(log.meta, request, reprint=record is None)
     if record is not None:
         record = replace(record, trail=intact_trail(site_folder(), log.path.absolute().parent).head)
         registers = run_registers(result, log.path.absolute().parent)
         later = None if registers is None else registers.later
         record = replace(record, rewritten=None if later is None else later.utc)
         certificate = replace(certificate, trail=record.trail, rewritten=record.rewritten)
-        confirmation, names = _confirm_issue(log.meta, request)
         record, certificate = replace(record, authorised=names), replace(certificate, authorised=names)
     share = _ANALYSED - _READ
     analysis = analyse(lambda done, *_, note="": report(_READ + share * done, note=note), log, result)
@@ -179,11 +178,11 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> tuple[Cert
         written[request.dcc] = dcc
     unwritten = {path: content for path, content in written.items() if not _is_written(path, content)}
     if record is not None:
-        _record(log, certificate, before, record, confirmation, files=_digests(written), embedded=embedded_xml)
+        _record(log, certificate, before, record, people, files=_digests(written), embedded=embedded_xml)
     elif unwritten:
-        by, number = _issuer(_files(log.meta, request.source), request), certificate.identification
-        values: dict[str, Any] = {"certificate": number, "pin": None, "files": _digests(unwritten)}
-        append_audit(site_folder(), "certificate_printed", by, **values, embedded=embedded_xml)
+        values: dict[str, Any] = {"certificate": certificate.identification, "pin": people.pin}
+        values |= {"confirmed_by": people.confirmed_by, "files": _digests(unwritten), "embedded": embedded_xml}
+        append_audit(site_folder(), "certificate_printed", people.by, **values)
     for path, content in unwritten.items():
         _write(path, content)
     report(1.0)
@@ -195,27 +194,21 @@ def _digests(files: Mapping[Path, bytes]) -> dict[str, str]:
     return {path.name: hashlib.sha256(content).hexdigest() for path, content in files.items()}
 
 
-def _confirm_issue(meta: LogMeta, request: ReportRequest) -> tuple[Confirmation, tuple[str, ...]]:
-    """Return the persons who issue a certificate, and the names of those who entered their own PINs.
+def _confirm_issue(meta: LogMeta, request: ReportRequest, *, reprint: bool) -> tuple[Confirmation, tuple[str, ...]]:
+    """Return the persons who issue a certificate or print it again, and the names of those who entered their own PINs.
 
     Raises ConfigurationError if a required confirmation is missing, or InputError if the requirement is unknown.
     """
     files = _files(meta, request.source)
     if files is None:
-        return Confirmation(_issuer(files, request)), ()
+        return Confirmation("" if request.first is None else request.first.badge), ()
     product, station = files
-    action: Action = "certificate" if request.revise is None else "revision"
+    action: Action = "reprint" if reprint else "certificate" if request.revise is None else "revision"
     if request.first is None and not confirmation_required(action, product, station).pin:
         return Confirmation(""), ()
     confirmation = confirm(action, product, station, request.first or Person(""), request.second)
     people = (confirmation.by, confirmation.confirmed_by) if confirmation.pin == "personal" else ()
     return confirmation, tuple(filter(None, people))
-
-
-def _issuer(files: tuple[ProductConfig, StationConfig] | None, request: ReportRequest) -> str:
-    """Return the person who issues a certificate without a confirmation; "" for the program."""
-    badge = "" if request.first is None else request.first.badge
-    return badge if files is None else files[1].person(badge)
 
 
 def _files(meta: LogMeta, path: Path) -> tuple[ProductConfig, StationConfig] | None:

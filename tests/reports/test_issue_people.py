@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 import tomli_w
+import typer
 
 from calstation.cli.app import run_app
-from calstation.config import ConfirmationRequired
+from calstation.config import ConfirmationRequired, access, site_folder
+from calstation.records import audit_path, read_audit
 from calstation.reports import issue_state
 from calstation.sequencer import Finalized
 from tests.helpers import ignore_progress
@@ -95,3 +97,39 @@ def test_recording_without_a_product_requires_no_second_person(result_file: Path
     nobody = ConfirmationRequired(pin=False, badge=False, second=False)
     assert issue_state(ignore_progress, csv, None, "en").required == nobody
     assert run_app(["report", str(csv), "-o", str(csv.with_suffix(".pdf"))]) == 0
+
+
+@pytest.mark.long
+def test_people_who_print_a_certificate_again_are_recorded(
+    shared_runs: SharedRuns, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def make(site: SiteFolder) -> Finalized:
+        product = {"stages": ["six_position"], "confirmation": {"required_for": ["certificate"]}}
+        site.write(product, {"sign_in": {"badge_pattern": r"B\d{4}|tester", "engineers": ["B0001", "B0002"]}})
+        return site.run()
+
+    result_file = shared_runs.copy("certificate-by-engineers", tmp_path / "site", make).result_file
+    access.set_pin("", "000000")
+    for badge, pin in (("B0001", "111111"), ("B0002", "222222")):
+        access.set_pin("000000", pin, badge)
+    pins = {"PIN of B0001": "111111", "PIN of B0002": "222222"}
+    monkeypatch.setattr(typer, "prompt", lambda question, **_: pins[question])
+
+    def report(name: str, *options: str) -> int:
+        return run_app(["report", result_file, "-o", str(tmp_path / name), *options])
+
+    two = ("--by", "B0001", "--confirmed-by", "B0002")
+    assert report("first.pdf", *two) == 0
+    assert report("zh.pdf", *two, "--language", "zh") == 0
+    assert report("one.pdf", "--by", "B0002") == 0
+    assert report("program.pdf", "--by", "") == 0
+    printed = [e for e in read_audit(audit_path(site_folder())).entries if e.event == "certificate_printed"]
+    assert [(e.by, e.confirmed_by, e.values["pin"]) for e in printed] == [
+        ("B0001", "B0002", "personal"),
+        ("B0002", None, "personal"),
+        ("", None, None),
+    ]
+    pins["PIN of B0002"] = "333333"
+    assert report("wrong.pdf", *two) == 2
+    assert "PIN of B0002 is wrong" in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "wrong.pdf").exists()
