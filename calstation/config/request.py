@@ -54,6 +54,8 @@ class RunRequest:
     #: Logs of all units of a batch that is resumed, in the order of their slots; () for a single unit.
     resumes: tuple[Path, ...] = ()
     beyond_attempts: bool = False  #: Whether an engineer permits a run although the unit has used all its attempts.
+    #: Engineer at the window who permits it; None for the operator.
+    allowed_by: Confirmation | None = None
     #: Reason why an engineer permits a run despite a failed or overdue check standard or certificate, or None.
     override_standard: str | None = None
     #: Persons who permit this run (see `calstation.config.confirm`); None for the operator at a site without PINs.

@@ -253,8 +253,9 @@ def _check_permitted(setup: RunConfiguration, history: History) -> RunConfigurat
         raise refusal
     setup = _check_standards(setup, history)
     if refusal is not None:
-        by, station = setup.station.person(request.operator or ""), setup.station.name
-        append_audit(site_folder(), "attempt_allowed", by, station=station, pin=None, **refusal.values)
+        people = request.allowed_by or Confirmation(setup.station.person(request.operator or ""))
+        values = {"station": setup.station.name, "pin": people.pin, **refusal.values}
+        append_audit(site_folder(), "attempt_allowed", people.by, **values)
     return setup
 
 

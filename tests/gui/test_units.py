@@ -11,7 +11,7 @@ import tomli_w
 from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QLineEdit, QListWidget, QPushButton
 
-from calstation.config import RunRequest, library, load_product
+from calstation.config import Confirmation, RunRequest, library, load_product
 from calstation.errors import DeviceFaultError
 from calstation.gui.operator import starting
 from calstation.gui.operator.live import TablePicture
@@ -322,6 +322,7 @@ def test_confirmations_for_several_units_are_asked_one_after_another(
     hardware.press("clear_choice")
     (request,) = started
     assert request.beyond_attempts
+    assert request.allowed_by == Confirmation("engineer", pin="site")
     assert request.serials == ("SN-000001", "SN-000002", "SN-000003")
 
 

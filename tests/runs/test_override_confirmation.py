@@ -124,6 +124,9 @@ def test_attempt_beyond_the_allowed_number_is_in_the_audit_trail(site_folder: Si
     assert event.by == "tester"
     about = {"serial": request.serial, "failures": 1, "allowed": 1, "product": "short", "station": "test bench"}
     assert event.values == {**about, "pin": None}
+    prepared(site_folder, replace(request, allowed_by=Confirmation("Li Na (B1234)", pin="personal")))
+    event = events(home, "attempt_allowed")[-1]
+    assert (event.by, event.values["pin"]) == ("Li Na (B1234)", "personal")
 
 
 def test_no_run_that_writes_registers_starts_on_a_changed_audit_trail(site_folder: SiteFolder, home: Path) -> None:

@@ -200,7 +200,8 @@ class StartDialog:
             ask(self._notice, "caution", Text(why_not), {})
             return
         role: Role = "engineer" if self._app.role.engineer else "operator"
-        request = replace(request, operator=self._app.badge or self._app.person)
+        by = self._app.author if role == "engineer" else None
+        request = replace(request, operator=self._app.badge or self._app.person, allowed_by=by)
         self._attempt(lambda: self._continue(RunStart(request, role)), resume=request.resume is not None)
 
     def drop(self) -> None:
