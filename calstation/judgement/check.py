@@ -1,7 +1,8 @@
 """A check: a quantity of a result, its unit, its limit, and whether it is within the limit."""
 
 import math
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -179,3 +180,13 @@ def _margin(value: float, limit: float | tuple[float, float]) -> float:
     if isinstance(limit, tuple):
         return min(value - limit[0], limit[1] - value)
     return limit - value
+
+
+def check_names(checks: Sequence[Check | CheckId]) -> list[Text]:
+    """Return the short names of checks, with their stages where the names of several are equal."""
+    names = [Text.of(f"check_short.{check.kind}", parameter=check.subject, stage=check.subject) for check in checks]
+    counts = Counter(map(str, names))
+    return [
+        name if counts[str(name)] == 1 else Text.of("common.check_of_stage", check=name, stage=check.subject)
+        for name, check in zip(names, checks, strict=True)
+    ]

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from datetime import date
 
 from calstation.errors import CalstationError
+from calstation.judgement import check_names
 from calstation.messages import Text
 from calstation.parsing import parse_toml
 from calstation.records import CheckKind, InstrumentSection
@@ -106,10 +107,10 @@ def _value_deviations(certificate: Certificate) -> Iterator[Text]:
         yield Text.of("certificate.d_missing_data", stage=stage, reason=reason)
     if result.states_added:
         yield Text.of("certificate.d_states", names=[Text(f"group.{name}") for name in result.states_added])
-    for check in result.failed_checks:
+    failed = result.failed_checks
+    for check, name in zip(failed, check_names(failed), strict=True):
         cause = check.cause_text
         if cause is not None:
-            name = Text.of(f"check_short.{check.kind}", parameter=check.subject, stage=check.subject)
             yield Text.of("certificate.d_cause", check=name, cause=cause)
     near_misses = [check.subject for check in result.checks if check.near_miss and check.subject in result.parameters]
     if near_misses:

@@ -14,7 +14,15 @@ from pydantic import BeforeValidator, Field, JsonValue, PlainSerializer
 
 from calstation.errors import CalstationError, ConfigurationError, InputError
 from calstation.estimation.common import Consistency
-from calstation.judgement import Check, Conformity, End, StandardComparison, needs_full_calibration, verdict_of
+from calstation.judgement import (
+    Check,
+    Conformity,
+    End,
+    StandardComparison,
+    check_names,
+    needs_full_calibration,
+    verdict_of,
+)
 from calstation.messages import Text, known, os_reason, values_from_json
 from calstation.parsing import read_json
 from calstation.physics import (
@@ -389,8 +397,8 @@ class Result(ResultSection):
         """What failed: a limit of a parameter, narrowed if the decision rule narrowed that of any, or the checks."""
         failed = self.failed_checks
         if failed and not any(check.kind in ("within", "sigma_below") for check in failed):
-            names = [Text.of(f"check_short.{c.kind}", parameter=c.subject, stage=c.subject) for c in failed]
-            return Text.of("common.checks_failed", count=len(failed), checks=names[:_MAX_NAMED_CHECKS])
+            names = check_names(failed)[:_MAX_NAMED_CHECKS]
+            return Text.of("common.checks_failed", count=len(failed), checks=names)
         guarded = any(check.acceptance is not None for check in failed)
         return Text("common.outside_acceptance_limits" if guarded else "common.outside_limits")
 

@@ -188,7 +188,7 @@ def test_number_of_runs_is_stated_until_a_chart_is_possible(
 
 @pytest.mark.parametrize(
     ("code", "said"),
-    [("en", "Not shown: 2 checks that failed less often"), ("zh_CN", "另有 2 项较少不合格的检查未显示")],
+    [("en", "Not shown: 2 more checks"), ("zh_CN", "另有 2 项检查未显示")],
 )
 def test_chart_of_failed_checks_states_how_many_it_omits(qtbot: QtBot, code: str, said: str) -> None:
     names = ("gyro_bias", "gyro_scale", "accel_bias")
@@ -200,6 +200,24 @@ def test_chart_of_failed_checks_states_how_many_it_omits(qtbot: QtBot, code: str
     for shown, text in ((checks, said), (checks[:7], "")):
         view.show_data(Yields(None, None, None, {}, {}, {}, {}, shown))
         assert view.others_label.text() == text
+    language.use("en")
+
+
+@pytest.mark.parametrize(
+    ("code", "names"),
+    [
+        ("en", ["table vibration (Rate)", "IMU noise", "table vibration (Six positions)"]),
+        ("zh_CN", ["转台振动（速率）", "IMU 噪声", "转台振动（六位置）"]),
+    ],
+)
+def test_chart_of_failed_checks_names_the_stages_of_equal_names(qtbot: QtBot, code: str, names: list[str]) -> None:
+    ids = CheckId("table_noise", "rate"), CheckId("imu_noise", "rate"), CheckId("table_noise", "six_position")
+    language.use(code)
+    view = YieldView()
+    qtbot.addWidget(view)
+    view.show_data(Yields(None, None, None, {}, {}, {}, {}, tuple(FailedCheck(each, 2, 1.0) for each in ids)))
+    (ticks,) = view.pareto.getAxis("left")._tickLevels
+    assert [name for _, name in ticks] == names
     language.use("en")
 
 

@@ -9,7 +9,7 @@ from pyqtgraph.graphicsItems.DateAxisItem import MONTH_SPACING
 from PySide6.QtCore import QLocale
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.text import check_name, language, on_language_change, product_text, say
+from calstation.gui.text import language, on_language_change, product_text, say
 from calstation.gui.widgets import (
     Cell,
     CellTable,
@@ -25,6 +25,7 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
+from calstation.judgement import check_names
 from calstation.quality import FailedCheck, Share, Yields
 
 #: Maximum number of failed checks in the plot.
@@ -165,7 +166,8 @@ class Pareto(ThemedPlot, DataView[tuple[FailedCheck, ...]]):
         rows = np.arange(len(data))
         runs = [check.runs for check in data]
         self.addItem(pg.BarGraphItem(x0=0, y=rows, height=0.7, width=runs, brush=theme.faint(c.bad, 110), pen=c.line))
-        self.getAxis("left").setTicks([[(k, check_name(check.id)) for k, check in enumerate(data)]])
+        names = check_names([check.id for check in data])
+        self.getAxis("left").setTicks([list(enumerate(map(say, names)))])
         for k, check in enumerate(data):
             text = pg.TextItem(f"{check.runs}   {100 * check.cumulative:.0f} %", color=c.text, anchor=(0, 0.5))
             text.setFont(theme.font())
