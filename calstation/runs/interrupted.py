@@ -1,6 +1,6 @@
 """Interrupted runs that can be resumed together: the run of a unit, or the runs of the units of a batch."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -43,14 +43,14 @@ class Interrupted:
         absent = tuple((run.serial, "not_loaded") for run in self.runs if run.serial in self.unloaded)
         return Interrupted(tuple(run for run in self.runs if run.serial not in self.unloaded), (*absent, *self.others))
 
-    @property
-    def question(self) -> Text:
-        """The question whether to resume the runs."""
+    def question(self, chosen: Collection[str]) -> Text:
+        """Return the question whether to resume the runs; it names a product that is not one of the chosen products."""
         if not self.runs:
             return Text.of("question.units_in_other_slots", others=self._reasons)
         run = min(self.runs, key=lambda run: run.completed.amount)
         finished, serials = len(run.finished), [each.serial for each in self.runs]
         stage = (*run.stages, "transfer")[finished]
+        unchosen = dict.fromkeys(each.product for each in self.runs if each.product not in (None, *chosen))
         several = len(serials) > 1
         in_slot = run.slot is not None
         code = "question.resume" if not in_slot else "question.units_resume" if several else "question.unit_resume"
@@ -67,6 +67,7 @@ class Interrupted:
             "slot": run.slot or "",
             "others": both,
             "kept": kept,
+            "product": Text.of("question.as_product", products=list(unchosen)) if unchosen else "",
             "begin": Text.of(at, number=points + 1 if points else finished + 1),
         }
         return Text.of(code, number=finished + 1, stage=stage, when=run.started_utc, **values)

@@ -184,7 +184,8 @@ class RunStart:
             self._interrupted = None if run is None else Interrupted((run,))
         if self._interrupted is None:
             return None
-        question, logs = self._interrupted.question, self._interrupted.logs
+        question = self._interrupted.question([setup.product.name for setup in self._setups])
+        logs = self._interrupted.logs
         if not logs:
             return Question("resume", question, ("anew",), ConfigurationError("run.in_other_slots", **question.values))
         code = "run.units_interrupted_before" if request.serials else "run.interrupted_before"

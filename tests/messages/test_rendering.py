@@ -156,7 +156,8 @@ def test_time_is_shown_in_the_time_zone_of_the_computer() -> None:
     assert local_time(started) == "2026-11-23 07:30"
     assert local_time(started, zone=True) == "2026-11-23 07:30:05 UTC+08:00"
     assert local_time("yesterday") == "yesterday"
-    resume = render("question.resume", {"serial": "SN-1", "number": 2, "stage": "rate", "when": started, "kept": ""})
+    values = {"serial": "SN-1", "number": 2, "stage": "rate", "when": started, "kept": "", "product": ""}
+    resume = render("question.resume", values)
     assert resume.remedy.startswith("Started 2026-11-23 07:30:05 UTC+08:00. ")
     transfer = DeviceFaultError("transfer.interrupted", serial="SN-1", utc=started, holds="new")
     assert "(2026-11-23 07:30:05 UTC+08:00)" in str(transfer)

@@ -332,9 +332,24 @@ def test_question_names_the_stage_after_the_completed_ones(language: Language, t
     begun = ("SN-1", Path("a.h5"), "2026-01-01T08:00:00+00:00", 1, None, None, None)
     for count, stage in ((0, "rate"), (1, "azimuth_flip"), (2, "transfer")):
         run = Resumable(*begun, Completed(planned, planned[:count], {}), Verdict.STOPPED, "")
-        question = Interrupted((run,)).question
+        question = Interrupted((run,)).question(())
         assert question.values["stage"] == stage
     assert transfer in sentence(question, language).lower()
+
+
+@pytest.mark.parametrize("slot", [None, "A"])
+@pytest.mark.parametrize(
+    ("language", "text"),
+    [("en", " as MEMS grade C, Tight. Is this unit"), ("zh_CN", "，产品型号“MEMS grade C、Tight”。这台产品")],
+)
+def test_question_names_products_that_are_not_chosen(language: Language, text: str, slot: str | None) -> None:
+    begun = ("SN-1", Path("a.h5"), "2026-01-01T08:00:00+00:00", 1)
+    run = Resumable(*begun, "MEMS grade C", None, None, Completed(PLANNED, (), {}), Verdict.STOPPED, "", slot=slot)
+    asked = Interrupted((run, replace(run, product="Tight")) if slot is None else (run,))
+    if slot is not None:
+        text = text.replace(", Tight", "").replace("、Tight", "")
+    assert text in sentence(asked.question(["Short"]), language)
+    assert "MEMS" not in sentence(asked.question(["Short", "Tight", "MEMS grade C"]), language)
 
 
 def test_simulated_run_is_not_offered_at_a_station_with_hardware(site_folder: SiteFolder) -> None:

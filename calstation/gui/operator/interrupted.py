@@ -183,7 +183,9 @@ class InterruptedRuns(QObject):
             "close_incomplete_job": lambda: self._close(first, others),
             "later": lambda: self._offer(others),
         }
-        ask(self._notice, "paused", first.question, answers, primary="later")
+        summary = self.run_summary
+        chosen = () if summary is None else (summary.product, *summary.slot_products.values())
+        ask(self._notice, "paused", first.question(chosen), answers, primary="later")
 
     def _close(self, interrupted: Interrupted, others: list[Interrupted]) -> None:
         if self._app.badge_required:

@@ -263,6 +263,8 @@ class StartDialog:
         elif app.job_queue.uses_device:
             self._ask(Text.of("question.device_busy"), {"clear": lambda: self._launch(request)})
         elif not app.engine_link.running:
+            if request.product is not None:
+                app.set_product(request.product)  # which the header names; a resumed run may have another one
             app.engine_link.start(replace(request, operator=app.badge or app.person))
 
     def _ask(self, question: Text, answers: Mapping[str, Callable[[], None]], kind: str = "caution") -> None:
