@@ -161,6 +161,28 @@ def test_badge_scanned_into_the_serial_field_signs_in(operator: Operator, played
     assert played == ["refused", "accepted", "accepted", "accepted"]
 
 
+@pytest.mark.parametrize(
+    ("language", "unknown", "unit"),
+    [
+        ("en", "“B9999” is not a badge of this station.", "Scan your badge first, then the unit."),
+        ("zh_CN", "“B9999”不是本工位的工牌。", "请先扫描工牌，再扫描产品。"),
+    ],
+)
+def test_unknown_badge_is_not_taken_for_a_unit(operator: Operator, language: str, unknown: str, unit: str) -> None:
+    """It also has the form of a serial number of the shipped products."""
+    use_station(operator, {"serial_pattern": r"[A-Z]+-?\d+"}, sign_in={"badge_pattern": r"B\d{4}", "names": NAMES})
+    operator.window.app.set_language(language)
+    sign_in(operator, "B9999")
+    assert unknown in operator.says()
+    assert unit not in operator.says()
+    sign_in(operator, SERIAL)
+    assert unit in operator.says()
+    sign_in(operator, "B1234")
+    operator.scan("B9999")  # a number of both forms that is not listed is a serial number
+    assert operator.widget("start_button").isEnabled()
+    assert operator.widget("operator_edit", QLineEdit).text() == "Li Na"
+
+
 def test_scan_without_a_focused_field_goes_to_the_badge_field_first(operator: Operator) -> None:
     use_station(operator, sign_in={"badge_pattern": r"B\d{4}"})
     operator.widget("product_combo").setFocus()

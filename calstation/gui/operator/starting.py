@@ -290,7 +290,8 @@ class RunStarter(QObject):
 
     def _badge_refused(self, error: CalstationError) -> None:
         self._signal(accepted=False)
-        is_unit = error.code == "station.badge_unknown" and self._valid(str(error.values["badge"]))
+        entered, sign_in = str(error.values.get("badge", "")), self._header.badge_field.section
+        is_unit = self._valid(entered) and not (sign_in is not None and sign_in.is_badge(entered))
         ask(self._notice, "caution", Text("question.unit_before_badge") if is_unit else error.as_text, {})
         self._header.focus_scan()
 
