@@ -39,7 +39,7 @@ def test_steps_events_and_terms_follow_the_language() -> None:
     language.use("zh_CN")
     assert step_sentence(*rest) == "绕 x 轴转动 90°  ·  静止采集"
     assert term("stage", "six_position") == "六位置"
-    assert say("event.step_repeated", reason="gap", attempt=2) == "重做这一步（丢数），第 2 次。"
+    assert say("event.step_repeated", reason="gap", attempt=2) == "这一步已重做（丢数），第 2 次。"
 
 
 def test_duration_shows_hours_only_if_needed() -> None:

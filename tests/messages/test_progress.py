@@ -6,7 +6,7 @@ from calstation.messages import event_text, sentence, short_step_text, step_text
 def test_event_text_translates_its_values() -> None:
     text = event_text("step_repeated", {"reason": "gap", "attempt": 2})
     assert sentence(text) == "Step repeated (samples lost), attempt 2."
-    assert sentence(text, "zh_CN") == "重做这一步（丢数），第 2 次。"
+    assert sentence(text, "zh_CN") == "这一步已重做（丢数），第 2 次。"
     resumed = event_text("resumed", {"log": "a.h5", "stages": ["rate", "six_position"]})
     assert sentence(resumed) == "Resuming a.h5 after its completed stages: Rate, Six positions."
 
