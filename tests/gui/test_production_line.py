@@ -15,7 +15,7 @@ from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QCheckBox, QLabel, QLineEdit, QPushButton, QWidget
 
 from calstation import sound
-from calstation.config import library
+from calstation.config import ConfirmationRequired, library
 from calstation.gui.operator import starting
 from calstation.gui.operator.loading import Loading
 from calstation.gui.operator.production import shift_counter
@@ -181,6 +181,37 @@ def test_unknown_badge_is_not_taken_for_a_unit(operator: Operator, language: str
     operator.scan("B9999")  # a number of both forms that is not listed is a serial number
     assert operator.widget("start_button").isEnabled()
     assert operator.widget("operator_edit", QLineEdit).text() == "Li Na"
+
+
+@pytest.mark.parametrize(
+    ("language", "asked"),
+    [("en", "Scan your badge on the Operator page"), ("zh_CN", "请在操作员页扫描工牌")],
+)
+def test_sign_in_removes_the_notice_that_nobody_has_signed_in(operator: Operator, language: str, asked: str) -> None:
+    use_station(operator, sign_in={"badge_pattern": r"B\d{4}"})
+    operator.window.app.set_language(language)
+    page, required = operator.window.operator_page, ConfirmationRequired(pin=False, badge=True, second=False)
+    for button in (page._verdicts._certificates, page._verdict.certificate_button):
+        assert button._person(required) is None
+        assert asked in operator.says()
+        sign_in(operator, "B1234")
+        assert asked not in operator.says()
+        operator.press("sign_out_button")
+    page._documents.inform("none", "operator.certificates_exist", "", page.setFocus)
+    sign_in(operator, "B1234")
+    assert operator.widget("documents_notice").isVisible()  # it has another subject
+
+
+@pytest.mark.parametrize(("language", "asked"), [("en", "Scan your badge first."), ("zh_CN", "请先扫描工牌。")])
+def test_sign_in_removes_the_notice_of_the_history_page(operator: Operator, language: str, asked: str) -> None:
+    use_station(operator, sign_in={"badge_pattern": r"B\d{4}"})
+    operator.window.app.set_language(language)
+    operator.window.show_page("history_page")
+    page = operator.window._tabs["history_page"].page
+    page._close_run()
+    assert asked in operator.says()
+    operator.window.app.identified.emit("B1234")
+    assert asked not in operator.says()
 
 
 def test_scan_without_a_focused_field_goes_to_the_badge_field_first(operator: Operator) -> None:

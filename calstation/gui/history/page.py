@@ -46,6 +46,9 @@ from calstation.sequencer import Event, Finalized
 #: Time after which a visible page reads the folder again, because other programs add runs to it, ms.
 _REFRESH_MS = 20_000
 
+#: Object name of the button that closes the notice that nobody has signed in.
+_SIGN_IN = "history_sign_in_close"
+
 
 class HistoryPage(Page):
     """The page that lists the runs in the runs folder, with the details of the selected run."""
@@ -197,6 +200,7 @@ class HistoryPage(Page):
         app.engine_link.event.connect(self._handle_event)
         app.runs_folder_changed.connect(self._list_visible)
         app.result_changed.connect(lambda _: self._list_visible())
+        app.operator_changed.connect(self._operator_changed)
         app.engine_link.running_changed.connect(lambda _: self._update())
         finder = QShortcut(QKeySequence.StandardKey.Find, self, self._filters.search_edit.setFocus)
         finder.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
@@ -345,10 +349,16 @@ class HistoryPage(Page):
 
     def _close_run(self) -> None:
         if self.app.badge_required:
-            self.notice.inform("caution", "common.run_not_closed", "operator.sign_in", self.table.setFocus)
+            close = Choice(_SIGN_IN, "common.close", self.table.setFocus)
+            self.notice.ask("caution", "common.run_not_closed", "operator.sign_in", (close,))
         elif self.table.run is not None:
             self._closer.start((self.table.run.log,), self.app.person or None)
             self._update()
+
+    def _operator_changed(self) -> None:
+        """Remove the notice that nobody has signed in after somebody has."""
+        if self.notice.offers(_SIGN_IN) and not self.app.badge_required:
+            self.notice.dismiss()
 
     # ---- actions on several runs
 

@@ -29,6 +29,9 @@ from calstation.reports import (
 )
 from calstation.results import Result
 
+#: Object name of the button that closes the notice that nobody has signed in.
+_SIGN_IN = "documents_sign_in_close"
+
 
 class UnprintedNotice(NoticeBar):
     """Names the labels that were not printed, also in earlier runs, until each is printed or the notice is closed.
@@ -199,6 +202,7 @@ class _IssueButton(_DocumentButton):
         super().__init__(app, name, notice, then)
         self._source: Path | list[Path] | None = None
         self.panel = PeoplePanel(name)
+        app.operator_changed.connect(self._operator_changed)
 
     def _connect(self, title: str, state_watch: JobWatch, watch: JobWatch) -> None:
         """Follow the jobs; `title` is the code of the text of the button without them."""
@@ -220,6 +224,11 @@ class _IssueButton(_DocumentButton):
         self._set_busy(self._state_watch.busy or self.watch.busy)
         self.setText(self._text())
 
+    def _operator_changed(self) -> None:
+        """Remove the notice that nobody has signed in after somebody has."""
+        if self._notice.offers(_SIGN_IN) and not self._app.badge_required:
+            self._notice.dismiss()
+
     def _retry(self) -> None:
         """Keep what was entered on a refusal, except the PINs."""
         if not self.panel.isHidden():
@@ -239,7 +248,8 @@ class _IssueButton(_DocumentButton):
         Returns None, with a notice, if nobody has signed in at a station with badges.
         """
         if required.badge and self._app.badge_required:
-            self._notice.inform("caution", "operator.no_certificate", "operator.certificate_sign_in", self._then)
+            close = Choice(_SIGN_IN, "common.close", self._then)
+            self._notice.ask("caution", "operator.no_certificate", "operator.certificate_sign_in", (close,))
             return None
         unlocked = self._app.author.pin == "personal"
         return Person(self._by(required) or computer_user() or "-", unlocked=unlocked)
