@@ -144,6 +144,28 @@ def test_engineer_role_is_unlocked_by_a_person(operator: Operator) -> None:
     assert operator.widget("operator_edit", QLineEdit).text() == "Wang Fang"
 
 
+@pytest.mark.parametrize(
+    ("code", "hints", "remedies"),
+    [
+        ("en", ("your name", "scan your badge"), ("Enter your name or badge", "Scan your badge first.")),
+        ("zh_CN", ("姓名", "扫描工牌"), ("请填写姓名或工牌", "请先扫描工牌。")),
+    ],
+)
+def test_engineer_role_asks_for_a_badge_where_only_a_badge_is_accepted(
+    operator: Operator, code: str, hints: tuple[str, str], remedies: tuple[str, str]
+) -> None:
+    app, person = operator.window.app, operator.widget("role_person_edit", QLineEdit)
+    app.set_language(code)
+    for hint, remedy in zip(hints, remedies, strict=True):
+        app.role.ask()
+        assert (person.placeholderText(), person.accessibleName()) == (hint, hint)
+        operator.press("unlock_button")
+        errors = [each.text() for each in person.parentWidget().findChildren(QLabel) if each.isVisible()]
+        assert any(text.startswith(remedy) for text in errors)
+        sign_in_station(operator.site_folder)
+        app.set_station(operator.site_folder.station)
+
+
 def test_sign_out_of_the_operator_locks_the_engineer_role(operator: Operator) -> None:
     sign_in_station(operator.site_folder)
     app = operator.window.app

@@ -128,8 +128,6 @@ class RolePanel(QFrame):
         self._person_edit.setMaxLength(40)
         self._person_edit.setProperty("kind", "tall")
         self._person_edit.returnPressed.connect(self._person_entered)
-        bind(self._person_edit.setPlaceholderText, self._person_hint)
-        bind(self._person_edit.setAccessibleName, self._person_hint)
         for edit, name in ((self.pin_edit, "pin_edit"), (self._again_edit, "pin_again_edit")):
             edit.setObjectName(name)
             edit.setEchoMode(QLineEdit.EchoMode.Password)
@@ -178,6 +176,9 @@ class RolePanel(QFrame):
         self._title.setText(say("window.choose_pin" if new else "window.engineer"))
         about = "window.about_choosing_pin" if new else "window.about_pin"
         self._text.setText(say(about, least=access.MIN_PIN_LENGTH))
+        hint = say("operator.scan_badge" if self._badges else "window.your_name")
+        self._person_edit.setPlaceholderText(hint)
+        self._person_edit.setAccessibleName(hint)
         self.pin_edit.setPlaceholderText(say("window.new_pin" if new else "window.pin"))
         self._unlock.setText(say("window.set_pin" if new else "window.unlock"))
         self.adjustSize()
@@ -234,7 +235,7 @@ class RolePanel(QFrame):
         try:
             name = self._app.name_of(person) if person else ""
             if not name:
-                self._show_error(say("window.no_person"))
+                self._show_error(say("operator.sign_in" if self._badges else "window.no_person"))
                 self._person_edit.setFocus()
             elif self._role.new and pin in (person, name):
                 self._show_error(say("window.pin_is_name"))
@@ -266,8 +267,10 @@ class RolePanel(QFrame):
         if role == "operator" and person and person in (self._app.badge, self._app.operator):
             self._app.identified.emit("")
 
-    def _person_hint(self) -> str:
-        return say("operator.scan_badge" if self._app.badge or self._app.badge_required else "window.your_name")
+    @property
+    def _badges(self) -> bool:
+        """Whether the station accepts only badges."""
+        return self._app.badge is not None or self._app.badge_required
 
     def _show_error(self, text: str) -> None:
         self._error_text = text
