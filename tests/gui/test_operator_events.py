@@ -32,6 +32,7 @@ from calstation.sequencer import (
     Fault,
     Finalized,
     Message,
+    StageEnded,
     StageProgress,
     StageSolved,
     StageStarted,
@@ -831,6 +832,22 @@ def test_reserve_moves_extend_the_time_left_and_the_convergence_plot(simulated_r
     assert minutes[-1] == pytest.approx(150.0 / 60.0), "the line ends at the current time"
     assert decades[-1] < 0.0, "below the target"
     assert all(decade > 0.0 for minute, decade in zip(minutes, decades, strict=True) if minute < 2.5)
+
+
+@pytest.mark.parametrize("reason", ["operator", "targets", "failing"])
+def test_convergence_plot_continues_at_the_time_at_which_a_stage_ended_early(
+    simulated_run: Operator, reason: str
+) -> None:
+    live = simulated_run.window.operator_page._live._convergence
+    event = simulated_run.window.app.engine_link.event
+    event.emit(StateChanged("running", "preparing"))
+    event.emit(StageStarted("rate", 1, 4, 600.0, repeated=True))
+    progress(simulated_run, 0.2, 480.0, 3.0)
+    event.emit(StageEnded("rate", reason, 1))
+    assert simulated_run.run.elapsed == pytest.approx(120.0)
+    sigma = {"gyro_bias_x": {"value": 0.0, "sigma": 2.0 * live.lines["gyro_bias"].target}}
+    event.emit(StageSolved("rate", sigma, {"passed": True}))
+    assert live.lines["gyro_bias"].times == pytest.approx([120.0, 120.0])
 
 
 @pytest.mark.long

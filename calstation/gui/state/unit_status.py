@@ -66,7 +66,7 @@ class StageState:
     """The displayed state of a stage, or of the register transfer after the stages."""
 
     name: str
-    duration: float  #: Planned duration, s of device time.
+    duration: float  #: Planned duration or, after the motion, actual duration, s of device time.
     #: waiting, active, solving, good, bad, outside (a value exceeds its limit), stopped, fault, or kept (not written).
     state: str = "waiting"
     fraction: float = 0.0
@@ -93,6 +93,10 @@ class StageState:
         if fraction * self.duration < before - _TOLERANCE:
             self.earlier += before
         self.fraction, self.remaining = fraction, remaining
+
+    def end(self, state: str) -> None:
+        """Adopt a new state at the end of the motion, whose duration is then known, also if it ended early."""
+        self.state, self.duration, self.remaining = state, self.duration - self.remaining, 0.0
 
     def solve(self, state: str) -> None:
         """Mark the stage as solved at the current time, with its new state."""
@@ -191,7 +195,7 @@ class UnitStatus:
                     left = max(row.remaining - _VERIFICATION_STEP, 0.0)
                     row.progress(1.0 - left / row.duration, left)
             case StageEnded():
-                self._row(event.stage).state = "stopped" if event.reason == "failing" else "solving"
+                self._row(event.stage).end("stopped" if event.reason == "failing" else "solving")
             case StageSolved():
                 self._row(event.stage).solve("bad" if event.consistency["passed"] is False else "good")
                 self.sigma |= largest_sigmas(event)
