@@ -94,10 +94,10 @@ def test_manual_rig_recording_is_judged_by_the_product_checks(tmp_path: Path) ->
 
 
 def test_failed_check_fails_the_unit_and_reports_its_position(tmp_path: Path) -> None:
-    strict = {"gravity_at_rest": {"within": 1e-7}, "near_miss_beyond": 0.5}
+    strict = {"improvement_at_rest": {"below": 1e-6}, "near_miss_beyond": 0.5}
     result = resolve(hand_log(tmp_path, strict)).result.to_json()
     assert result["passed"] is False
-    assert not named(result)["gravity_at_rest"]["passed"]
+    assert not named(result)["improvement_at_rest"]["passed"]
 
 
 @pytest.fixture
