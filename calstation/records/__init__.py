@@ -59,7 +59,7 @@ from calstation.records.evidence import (
     unrecorded_reports,
     verify_trail,
 )
-from calstation.records.facts import LogFacts
+from calstation.records.facts import LogFacts, UnusedSamples
 from calstation.records.files import (
     FILE_MODE,
     acquire_lock,

@@ -1,12 +1,18 @@
-"""Summary of the samples of a log (range, gaps, temperature and sha256), which does not depend on the block sizes."""
+"""Summary of the samples of a log (range, gaps, temperature, sha256, invalid and paused samples).
+
+It does not depend on the block sizes.
+"""
 
 import hashlib
 import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from calstation.estimation.common import SampleBlock
+from calstation.physics import IntArray
 from calstation.records.meta import LogMeta
 
 _ROW = np.dtype(
@@ -100,3 +106,70 @@ class FactsBuilder:
         if self._temperature_count:
             temperature = (round(self._temperature_sum / self._temperature_count, 3), self._lowest, self._highest)
         return LogFacts(self._first, self._last, self._samples, self._gaps, temperature, digest.hexdigest())
+
+
+class UnusedSamples:
+    """Finds the ranges of samples that a log marks as invalid, and whether they were recorded during a pause.
+
+    Samples of a pause are sound, but no step uses them. A pause includes the return to the start of the interrupted
+    step. A log without events or arrival times does not reveal its pauses.
+    """
+
+    def __init__(self, events: Iterable[Mapping[str, Any]]) -> None:
+        self._pauses = tuple(_pauses(events))
+        #: The latest range, which the next block may continue, shape (0, 4) or (1, 4).
+        self._latest = np.empty((0, 4), np.int64)
+        self.invalid = 0  #: Number of invalid samples without those of pauses, in the completed ranges.
+        self.paused = 0  #: Number of samples of pauses, in the completed ranges.
+
+    def add(self, block: SampleBlock) -> IntArray:
+        """Add the next block, and return the completed ranges, shape (n, 4).
+
+        Their columns are the first and last sequence number, the number of samples, and 1 for a pause.
+        """
+        edges = np.diff(np.concatenate([[False], ~block.valid, [False]]).astype(np.int8))
+        starts, stops = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
+        in_pause = np.zeros(len(block), np.bool_)
+        if block.station.shape[1]:
+            for start, stop in self._pauses:
+                in_pause |= (block.station[:, 0] >= start) & (block.station[:, 0] <= stop)
+        count = np.concatenate([[0], np.cumsum(in_pause)])
+        ranges = np.column_stack(
+            [block.seq[starts], block.seq[stops - 1], stops - starts, count[stops] > count[starts]]
+        ).astype(np.int64)
+        latest = self._latest
+        if len(latest) and len(ranges) and latest[0, 1] + 1 == ranges[0, 0]:
+            ranges[0, 0], ranges[0, 2] = latest[0, 0], latest[0, 2] + ranges[0, 2]
+            ranges[0, 3] |= latest[0, 3]
+            latest = latest[:0]
+        ranges = np.concatenate([latest, ranges])
+        open_from = len(ranges) - int(len(block) > 0 and len(ranges) > 0 and not block.valid[-1])
+        self._latest = ranges[open_from:]
+        return self._counted(ranges[:open_from])
+
+    def close(self) -> IntArray:
+        """Return the range at the end of the log, shape (0, 4) or (1, 4), as `add` does."""
+        latest, self._latest = self._latest, self._latest[:0]
+        return self._counted(latest)
+
+    def _counted(self, ranges: IntArray) -> IntArray:
+        paused = ranges[:, 3] != 0
+        self.paused += int(ranges[paused, 2].sum())
+        self.invalid += int(ranges[~paused, 2].sum())
+        return ranges
+
+
+def _pauses(events: Iterable[Mapping[str, Any]]) -> Iterator[tuple[float, float]]:
+    """Yield the station times at which the run was paused and resumed, s; infinity if it was not resumed."""
+    start: float | None = None
+    for event in events:
+        if event.get("event") != "StateChanged" or event.get("station_time") is None:
+            continue
+        paused = event.get("state") in ("pausing", "paused")
+        if paused and start is None:
+            start = float(event["station_time"])
+        elif not paused and start is not None:
+            yield start, float(event["station_time"])
+            start = None
+    if start is not None:
+        yield start, math.inf

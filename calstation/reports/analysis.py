@@ -11,7 +11,7 @@ from calstation.jobs import ProgressCallback
 from calstation.judgement import judge
 from calstation.messages import Text, entry, event_text, known, values_from_json
 from calstation.physics import FloatArray
-from calstation.records import Log, LogMeta
+from calstation.records import Log, LogMeta, UnusedSamples
 from calstation.reports.budget import Budget, solve_again, uncertainty_budget
 from calstation.reports.source import ROUNDING
 from calstation.results import (
@@ -41,7 +41,7 @@ class Analysis:
     after: FloatArray  #: Standard deviations of the 30 parameters after the last stage, SI, shape (30,).
     budget: Budget
     effects_tested: bool  #: Whether the data were tested for effects outside the error model.
-    invalid: int  #: Number of samples that were marked invalid.
+    invalid: int  #: Number of samples that were marked invalid, without those of pauses.
     #: Temperature of the unit in the valid samples of the solved stages; None if unknown.
     temperature: Temperature | None
     warnings: tuple[Text, ...]  #: Warnings during the run, from the events of the log.
@@ -51,20 +51,20 @@ class Analysis:
 class _SigmaRecorder:
     """Records the sigmas of a solver chain while samples are fed to it."""
 
-    def __init__(self, meta: LogMeta, result: Result) -> None:
+    def __init__(self, log: Log, meta: LogMeta, result: Result) -> None:
         self.chain = StageChain(meta)
         self._rate, self._first = meta.imu.sample_rate_hz, result.log.first_seq
         self._length = max(result.log.last_seq - self._first, 1)
         self.time: list[float] = []
         self.sigma: list[FloatArray] = []
         self.spans: dict[str, tuple[float, float]] = {}
-        self.invalid = 0
         self._stages = result.stages
         #: Number, sum, minimum and maximum of the temperatures of every block of a solved stage.
         self._temperatures: list[tuple[float, ...]] = []
+        self.unused = UnusedSamples(log.events)
 
     def observe(self, block: SampleBlock) -> None:
-        self.invalid += int(np.count_nonzero(~block.valid))
+        self.unused.add(block)
         values = block.temperature[block.valid & ~np.isnan(block.temperature)]
         if block.stage in self._stages and len(values):
             self._temperatures.append((len(values), float(values.sum()), float(values.min()), float(values.max())))
@@ -83,6 +83,7 @@ class _SigmaRecorder:
             self.sigma.append(self.chain.sigma())
 
     def finish(self) -> None:
+        self.unused.close()
         self.time.append(self._length / self._rate)
         self.sigma.append(self.chain.solutions[-1].posterior.sigma)
 
@@ -93,7 +94,7 @@ def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
     Raises InputError, for example if the log does not reproduce the values or the verdict of the result.
     """
     meta, _ = with_states(log.meta, tuple(result.states_added))
-    recorder = _SigmaRecorder(meta, result)
+    recorder = _SigmaRecorder(log, meta, result)
 
     def on_progress(done: float, stage: str) -> None:
         report(_SOLVED * done, note=stage)
@@ -117,7 +118,7 @@ def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
         chain.solutions[-1].posterior.sigma,
         budget,
         chain.model_tests.effects_tested,
-        recorder.invalid,
+        recorder.unused.invalid,
         recorder.temperature(),
         tuple(_warnings(log)),
         next((e["values"] for e in log.events if e.get("event") == "Message" and e.get("id") == "identified"), {}),

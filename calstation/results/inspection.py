@@ -13,7 +13,7 @@ from calstation.estimation.common import SampleBlock, has_gyros, join_blocks
 from calstation.jobs import ProgressCallback
 from calstation.judgement import data_faults
 from calstation.messages import Text
-from calstation.records import Log, LogFacts, context_from_meta, open_log, prior_from_meta
+from calstation.records import Log, LogFacts, UnusedSamples, context_from_meta, open_log, prior_from_meta
 from calstation.results.solver_chain import solve
 from procedures import method, names
 
@@ -41,6 +41,7 @@ class Inspection:
     jitter: float
     missing: int  #: Number of samples missing in gaps.
     invalid: int  #: Number of invalid samples.
+    paused: int  #: Number of samples of pauses, which are sound but not used.
     channels: tuple[str, ...]  #: Groups of columns: gyro, accel, encoders, temperature, imu2, ..., joints.
     stages: dict[str, int]  #: Number of samples of each recorded stage, in order.
     methods: dict[str, Text | None]  #: Reason why a method cannot solve it, None if it can.
@@ -75,6 +76,7 @@ class Inspection:
             ("look.rate", text("look.rate_is", rate=self.rate, configured=self.configured_rate, times=times)),
             ("look.gaps", text("look.gaps_are", gaps=facts.gaps, missing=self.missing)),
             ("look.invalid", text(invalid, invalid=self.invalid, damaged=facts.damaged)),
+            *([("look.paused", text("look.paused_are", paused=self.paused))] if self.paused else []),
             *(("look.times", irregular) for irregular in self.irregular_times),
             ("look.channels", text("look.channels_are", channels=list(self.channels))),
             *(("", text("look.column_is", name=name, source=source)) for name, source in self.columns.items()),
@@ -110,10 +112,10 @@ def inspect_log(log: Log) -> Inspection:
     Raises InputError if it cannot be read.
     """
     counted = Counter[str]()
-    invalid, channels, clock = 0, dict.fromkeys(["accel"]), _ClockFit()
+    unused, channels, clock = UnusedSamples(log.events), dict.fromkeys(["accel"]), _ClockFit()
     for block in log.blocks():
         clock.add(block)
-        invalid += int(np.count_nonzero(~block.valid))
+        unused.add(block)
         counted[block.stage] += len(block)
         present = {
             "gyro": has_gyros(block.counts),
@@ -123,6 +125,7 @@ def inspect_log(log: Log) -> Inspection:
         }
         channels |= dict.fromkeys(name for name, is_present in present.items() if is_present)
     channels |= dict.fromkeys(f"imu{number}" for number in log.meta.secondaries)
+    unused.close()
     stages = {stage: count for stage, count in counted.items() if stage}
     facts = log.facts()
     return Inspection(
@@ -132,7 +135,8 @@ def inspect_log(log: Log) -> Inspection:
         configured_rate=log.meta.imu.sample_rate_hz,
         jitter=log.times.jitter,
         missing=facts.last_seq - facts.first_seq + 1 - facts.samples,
-        invalid=invalid,
+        invalid=unused.invalid,
+        paused=unused.paused,
         channels=tuple(sorted(channels)),
         stages=stages,
         methods=_recorded(log, stages) if stages else {n: _reason(log, n) for n in names() if method(n).needs_no_table},

@@ -269,3 +269,35 @@ def test_all_texts_follow_the_language(method: str, page: OfflinePage, window: M
     assert sum(a != b for a, b in zip(english, changed, strict=True)) > 10
     if not method:
         assert "采样点" in pointer(page)
+
+
+@pytest.mark.parametrize(
+    ("code", "head", "pause", "faulty"),
+    [
+        ("en", {"paused: 0:30, not used", "invalid samples: 200"}, "paused, not used", "invalid"),
+        ("zh_CN", {"暂停 0:30，未使用", "无效采样点 200 个"}, "暂停，未使用", "无效"),
+    ],
+)
+def test_samples_of_a_pause_are_told_from_invalid_ones(
+    window: MainWindow, tmp_path: Path, qtbot: QtBot, code: str, head: set[str], pause: str, faulty: str
+) -> None:
+    path, seq = tmp_path / "paused.h5", np.arange(COUNT)
+    writer = RawLogWriter(path, LogMeta.model_validate(META), station=True)
+    valid = (seq < 8_000) | (seq >= 14_000) & (seq < 20_000) | (seq >= 20_200)
+    values = (seq + 1) / RATE, np.ones((COUNT, 6)), np.zeros((COUNT, 2)), np.ones(COUNT, np.int64), valid
+    station = np.where(seq % 20 == 0, seq / RATE, np.nan)[:, None]
+    writer.append(SampleBlock("excitation", seq, *values, np.full(COUNT, 25.5), station=station))
+    for state, second in (("paused", 40.0), ("running", 65.0)):
+        writer.event({"event": "StateChanged", "state": state, "station_time": second})
+    writer.close("passed")
+    window.app.set_language(code)
+    window.show_page("offline_page")
+    page = window.offline_page
+    page.open(path)
+    qtbot.waitUntil(lambda: page.log is not None, timeout=WAIT)
+    assert head <= {label.text() for label in page.findChildren(QLabel) if label.isVisible()}
+    for pointed, use in ((7_999, ""), (8_000, pause), (13_999, pause), (14_000, ""), (20_100, faulty), (20_200, "")):
+        page._show_pointed(pointed)
+        assert [words for words in (pause, faulty) if pointer(page).endswith(words)] == [use] * bool(use), pointed
+    marks = page.plot._layers[0]._marks
+    assert (marks.paused.tolist(), marks.invalid.tolist()) == ([[40.0, 70.0]], [[100.0, 101.0]])

@@ -1,5 +1,6 @@
 """The index of a log: plot data at any width, stages, steps, gaps and single samples."""
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,9 @@ import pytest
 
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
-from calstation.records import LogMeta, RawLogWriter, export_csv
+from calstation.messages import render
+from calstation.records import LogMeta, RawLogWriter, UnusedSamples, export_csv
+from calstation.results.inspection import inspect_recording
 from calstation.results.plots import BINS, CHANNELS, LogIndex, MinMaxPyramid, log_index, samples
 from calstation.results.plots.index import _hold
 
@@ -115,6 +118,48 @@ def test_stages_steps_gaps_and_invalid_samples_are_found(seen: LogIndex) -> None
     assert seen.channels == CHANNELS
     assert (seen.facts.first_seq, seen.facts.last_seq) == (START, START + 90_000)
     assert seen.facts.gaps == 1
+
+
+def paused_log(folder: Path, *, arrival: bool = True) -> Path:
+    """Return a log with a pause from sample 2000 to 5999, invalid samples from 7000 to 7009, and arrival times."""
+    path = folder / "paused.h5"
+    writer = RawLogWriter(path, LogMeta.model_validate(META), station=arrival)
+    for start in range(0, 10_000, 1_500):
+        part = block("rate", np.arange(start, min(start + 1_500, 10_000)), 1)
+        part.valid[(part.seq >= 2_000) & (part.seq < 6_000) | (part.seq >= 7_000) & (part.seq < 7_010)] = False
+        station = np.full((len(part), int(arrival)), np.nan)
+        station[9::10] = 100.0 + part.seq[9::10, None] / RATE
+        writer.append(replace(part, station=station))
+    for state, seq in (("running", 0), ("pausing", 1_995), ("paused", 2_100), ("running", 5_800), ("done", 9_999)):
+        writer.event({"event": "StateChanged", "state": state, "station_time": 100.0 + seq / RATE})
+    writer.close("passed")
+    return path
+
+
+def test_samples_of_a_pause_are_not_called_invalid(tmp_path: Path) -> None:
+    path = paused_log(tmp_path)
+    seen = log_index(no_progress, path, tmp_path / "picture")
+    assert (seen.paused.ranges.tolist(), seen.paused_samples) == ([[2_000, 5_999]], 4_000)
+    assert (seen.invalid.ranges.tolist(), seen.invalid_samples) == ([[7_000, 7_009]], 10)
+    recording = inspect_recording(path)
+    assert (recording.invalid, recording.paused) == (10, 4_000)
+    for words, expected in (("en", "4000 samples during a pause, not used"), ("zh_CN", "暂停期间 4000 个采样点")):
+        rows = dict(recording.summary)
+        assert expected in render("look.paused_are", rows["look.paused"].values, words).text  # type: ignore[arg-type]
+
+
+def test_log_without_arrival_times_does_not_reveal_its_pauses(tmp_path: Path) -> None:
+    seen = log_index(no_progress, paused_log(tmp_path, arrival=False), tmp_path / "picture")
+    assert (seen.paused_samples, seen.invalid_samples) == (0, 4_010)
+
+
+def test_run_stopped_during_a_pause_is_paused_until_its_end(tmp_path: Path) -> None:
+    unused = UnusedSamples([{"event": "StateChanged", "state": "paused", "station_time": 5.0}])
+    part = block("rate", np.arange(100), 1)
+    part.valid[40:] = False
+    assert unused.add(replace(part, station=np.arange(100.0)[:, None])).tolist() == []
+    assert unused.close().tolist() == [[40, 99, 60, 1]]
+    assert (unused.paused, unused.invalid) == (60, 0)
 
 
 def test_index_includes_the_result_of_the_run(log: Path, tmp_path: Path) -> None:

@@ -94,6 +94,7 @@ def show_recording(path: Path, recording: Inspection, json: str | None) -> int:
         "gaps": facts.gaps,
         "missing": recording.missing,
         "invalid": recording.invalid,
+        "paused": recording.paused,
         "damaged": facts.damaged,
         "irregular_times": [sentence(text) for text in recording.irregular_times],
         "columns": dict(recording.columns),

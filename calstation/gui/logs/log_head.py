@@ -63,7 +63,9 @@ class LogHead(QWidget):
         self._summary = ElidedLabel()
         self.channels = ChannelButton()
         self.channels.changed.connect(plot.show_channels)
-        self._counts: dict[str, tuple[QLabel, QLabel]] = {k: (label(), label()) for k in ("gap", "invalid", "damaged")}
+        self._counts: dict[str, tuple[QLabel, QLabel]] = {
+            kind: (label(), label()) for kind in ("gap", "invalid", "paused", "damaged")
+        }
         buttons = []
         for name, words, tip, zoom in (
             ("zoom_in_button", "logs.plus", "logs.zoom_in", lambda: plot.zoom(True)),
@@ -97,13 +99,15 @@ class LogHead(QWidget):
             parts.append(product_text(log.meta.product.name))
         self._summary.setText("  ·  ".join(parts))
         symbol_box = QRectF(0, 0, _SYMBOL_SIZE, _SYMBOL_SIZE)
-        for kind, count, code in (
-            ("gap", log.gaps.count, "logs.gaps"),
-            ("invalid", log.invalid_samples, "logs.invalid_samples"),
-            ("damaged", log.facts.damaged, "logs.damaged_rows"),
+        paused = duration_text(log.paused_samples / log.rate)
+        for kind, count, words in (
+            ("gap", log.gaps.count, say("logs.gaps", count=log.gaps.count)),
+            ("invalid", log.invalid_samples, say("logs.invalid_samples", count=log.invalid_samples)),
+            ("paused", log.paused_samples, say("logs.paused_time", duration=paused)),
+            ("damaged", log.facts.damaged, say("logs.damaged_rows", count=log.facts.damaged)),
         ):
             icon, text = self._counts[kind]
             icon.setPixmap(painted_pixmap(_SYMBOL_SIZE, partial(draw_symbol, kind=kind, box=symbol_box)))
-            text.setText(say(code, count=count))
+            text.setText(words)
             icon.setVisible(count > 0)
             text.setVisible(count > 0)

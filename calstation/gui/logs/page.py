@@ -331,7 +331,8 @@ class OfflinePage(Page):
         label = log.step_labels.get(step)
         code = "logs.step_with_move" if label else "logs.step"
         move = say(code, number=step, move=step_sentence("move", label or ()))
-        parts = time, say("logs.sample", seq=seq), stage, move if step else ""
+        use = next((f"logs.{kind}" for kind in ("paused", "invalid") if getattr(log, kind).contains(seq)), "")
+        parts = time, say("logs.sample", seq=seq), stage, move if step else "", say(use) if use else ""
         self._pointer.setText("   ".join(filter(None, parts)))
 
     # ---- texts and enabled controls

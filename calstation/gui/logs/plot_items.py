@@ -44,7 +44,7 @@ class LogMarks:
     def __init__(self, log_index: LogIndex | None = None) -> None:
         self.stages: list[tuple[str, float, float]] = []
         self.steps = np.empty(0)
-        self.gaps = self.invalid = np.empty((0, 2))
+        self.gaps = self.invalid = self.paused = np.empty((0, 2))
         if log_index is not None:
             first, rate = log_index.facts.first_seq, log_index.rate
             self.stages = [
@@ -53,6 +53,7 @@ class LogMarks:
             self.steps = (log_index.steps.ranges[:, 0] - first) / rate
             self.gaps = (log_index.gaps.ranges - first) / rate
             self.invalid = (log_index.invalid.ranges - [first, first - 1]) / rate
+            self.paused = (log_index.paused.ranges - [first, first - 1]) / rate
 
 
 class _Layer(pg.GraphicsObject):  # type: ignore[misc]
@@ -91,7 +92,7 @@ class _Layer(pg.GraphicsObject):  # type: ignore[misc]
 
 
 class Backdrop(_Layer):
-    """The layer behind the curves, with bands for every other stage, moves, gaps and invalid samples."""
+    """The layer behind the curves, with bands for every other stage, moves, gaps, pauses and invalid samples."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -114,6 +115,7 @@ class Backdrop(_Layer):
                 painter.drawLine(QPointF(x, box.top()), QPointF(x, box.bottom()))
         for times, colour, style in (
             (self._marks.gaps, c.caution, Qt.BrushStyle.BDiagPattern),
+            (self._marks.paused, c.muted, Qt.BrushStyle.FDiagPattern),
             (self._marks.invalid, c.bad, Qt.BrushStyle.DiagCrossPattern),
         ):
             for left, right in _visible_ranges(to_pixels(times), box).tolist():
@@ -121,7 +123,7 @@ class Backdrop(_Layer):
 
 
 class StageStrip(_Layer):
-    """A row of the names of the stages above symbols for gaps and invalid samples."""
+    """A row of the names of the stages above symbols for gaps, pauses and invalid samples."""
 
     def __init__(self, stage_name: Callable[[str], str]) -> None:
         super().__init__()
@@ -143,19 +145,25 @@ class StageStrip(_Layer):
             if len(name) > 1:
                 painter.setPen(QColor(c.text))
                 painter.drawText(cell, Qt.AlignmentFlag.AlignCenter, name)
-        for kind, times in (("gap", self._marks.gaps), ("invalid", self._marks.invalid)):
+        marks = self._marks
+        for kind, times in (("gap", marks.gaps), ("paused", marks.paused), ("invalid", marks.invalid)):
             centres = np.mean(_visible_ranges(to_pixels(times), box), axis=1)
             for x in centres[np.diff(centres, prepend=-np.inf) >= _SYMBOL_SIZE].tolist():
                 draw_symbol(painter, kind, QRectF(x - _SYMBOL_SIZE / 2, bottom, _SYMBOL_SIZE, _SYMBOL_SIZE))
 
 
 def draw_symbol(painter: QPainter, kind: str, box: QRectF) -> None:
-    """Draw a triangle for a gap, or a square for invalid samples and damaged rows."""
+    """Draw a triangle for a gap, two bars for a pause, or a square for invalid samples and damaged rows."""
     c = theme.colours()
     painter.setPen(Qt.PenStyle.NoPen)
     if kind == "gap":
         painter.setBrush(QColor(c.caution))
         painter.drawPolygon(QPolygonF([box.topLeft(), box.topRight(), QPointF(box.center().x(), box.bottom())]))
+    elif kind == "paused":
+        painter.setBrush(QColor(c.muted))
+        bar = box.adjusted(1, 1, -1, -1)
+        for x in (bar.left(), bar.right() - bar.width() / 3):
+            painter.drawRect(QRectF(x, bar.top(), bar.width() / 3, bar.height()))
     else:
         painter.setBrush(QColor(c.bad))
         painter.drawRect(box.adjusted(1, 1, -1, -1))

@@ -1,8 +1,9 @@
 """Index of a log for the log page: min-max pyramid, marks, and samples on demand."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,17 @@ from calstation.estimation.common import SampleBlock
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
 from calstation.physics import FloatArray, IntArray
-from calstation.records import SUFFIX, Log, LogFacts, LogMeta, estimated_rows, open_log, raw_rows, step_labels
+from calstation.records import (
+    SUFFIX,
+    Log,
+    LogFacts,
+    LogMeta,
+    UnusedSamples,
+    estimated_rows,
+    open_log,
+    raw_rows,
+    step_labels,
+)
 from calstation.results.plots.min_max_pyramid import (
     CHANNELS,
     Columns,
@@ -54,6 +65,11 @@ class Marks:
     ranges: IntArray
     count: int
 
+    def contains(self, seq: int) -> bool:
+        """Return whether a sample is in one of the ranges, which are in order."""
+        number = int(self.ranges[:, 0].searchsorted(seq, side="right")) - 1
+        return number >= 0 and seq <= int(self.ranges[number, 1])
+
 
 @dataclass(frozen=True)
 class LogIndex:
@@ -70,6 +86,8 @@ class LogIndex:
     gaps: Marks  #: Samples before and after each gap.
     invalid: Marks  #: First and last sample of each invalid range.
     invalid_samples: int  #: Number of invalid samples.
+    paused: Marks  #: First and last sample of each pause.
+    paused_samples: int  #: Number of samples of pauses, which are sound but not used.
     scale: FloatArray  #: Units of `CHANNELS` per count, shape (6,).
     channels: tuple[str, ...]  #: The members of `CHANNELS` that have values.
     step_numbers: IntArray  #: Numbers of the steps before and after each mark of `steps`, shape (n + 1,).
@@ -90,7 +108,7 @@ def log_index(report: ProgressCallback, path: Path, folder: Path) -> LogIndex:
     total, imu = estimated_rows(path), log.meta.imu
     per_count = imu.sample_rate_hz if imu.output == "increment" else 1.0
     scale = np.repeat([np.rad2deg(imu.gyro_lsb) * per_count, imu.accel_lsb * per_count], 3)
-    builder = _IndexBuilder()
+    builder = _IndexBuilder(log.events)
     last_polled, last = np.full(3, np.nan), -1
     try:
         folder.mkdir(parents=True)
@@ -158,12 +176,12 @@ def _hold(polled: FloatArray, seq: IntArray, before: FloatArray, last_seq: int) 
 
 
 class _IndexBuilder:
-    def __init__(self) -> None:
+    def __init__(self, events: Iterable[Mapping[str, Any]]) -> None:
         self._spans: list[StageSpan] = []
         self._step: int | None = None
         self._last: int | None = None
-        self._steps, self._gaps, self._invalid = _Marker(), _Marker(), _Marker()
-        self._invalid_samples = 0
+        self._steps, self._gaps, self._invalid, self._paused = _Marker(), _Marker(), _Marker(), _Marker()
+        self._unused = UnusedSamples(events)
         self._after_gap = True
         self._present = np.zeros(len(CHANNELS), np.bool_)
         self._step_numbers: list[IntArray] = []
@@ -184,9 +202,12 @@ class _IndexBuilder:
         gaps = np.flatnonzero(seq - before != 1)
         self._last = int(seq[-1])
         self._gaps.add(before[gaps], seq[gaps])
-        self._invalid_samples += int(np.count_nonzero(~block.valid))
-        edges = np.diff(np.concatenate([[False], ~block.valid, [False]]).astype(np.int8))
-        self._invalid.add(seq[np.flatnonzero(edges > 0)], seq[np.flatnonzero(edges < 0) - 1], join=True)
+        self._add_unused(self._unused.add(block))
+
+    def _add_unused(self, ranges: IntArray) -> None:
+        paused = ranges[:, 3] != 0
+        for marker, rows in ((self._paused, ranges[paused]), (self._invalid, ranges[~paused])):
+            marker.add(rows[:, 0], rows[:, 1])
 
     def _add_span(self, block: SampleBlock) -> None:
         first, last, count = int(block.seq[0]), int(block.seq[-1]), len(block)
@@ -196,6 +217,7 @@ class _IndexBuilder:
         self._spans.append(StageSpan(block.stage, first, last, count))
 
     def log_index(self, log: Log, folder: Path, scale: FloatArray) -> LogIndex:
+        self._add_unused(self._unused.close())
         return LogIndex(
             path=log.path,
             meta=log.meta,
@@ -207,7 +229,9 @@ class _IndexBuilder:
             steps=self._steps.marks(),
             gaps=self._gaps.marks(),
             invalid=self._invalid.marks(),
-            invalid_samples=self._invalid_samples,
+            invalid_samples=self._unused.invalid,
+            paused=self._paused.marks(),
+            paused_samples=self._unused.paused,
             scale=scale,
             channels=tuple(name for name, present in zip(CHANNELS, self._present, strict=True) if present),
             step_numbers=np.concatenate(self._step_numbers),
@@ -216,19 +240,16 @@ class _IndexBuilder:
 
 
 class _Marker:
-    """Collects marks of one kind up to `MAX_MARKS`; `join` merges adjacent ones."""
+    """Collects marks of one kind up to `MAX_MARKS`."""
 
     def __init__(self) -> None:
         self._ranges: list[IntArray] = []
         self._stored = self._count = 0
 
-    def add(self, first: IntArray, last: IntArray, join: bool = False) -> None:
+    def add(self, first: IntArray, last: IntArray) -> None:
         if len(first) == 0:
             return
         ranges = np.column_stack([first, last]).astype(np.int64)
-        if join and self._ranges and self._ranges[-1][-1, 1] == ranges[0, 0] - 1:
-            self._ranges[-1][-1, 1] = ranges[0, 1]
-            ranges = ranges[1:]
         self._count += len(ranges)
         ranges = ranges[: MAX_MARKS - self._stored]
         if len(ranges):
