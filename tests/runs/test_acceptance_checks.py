@@ -16,7 +16,9 @@ from calstation.judgement import judge
 from calstation.physics import PARAMETERS
 from calstation.records import LogMeta, RawLogWriter, context_from_meta, open_log
 from calstation.results import resolve, solve
-from tests.helpers import sampled
+from calstation.results.plots.compensation import apply_to_recording, before_and_after
+from calstation.results.plots.method_answer import PositionPlotData, solve_method
+from tests.helpers import ignore_progress, sampled
 from tests.site_folder import SiteFolder
 
 CHECKS: dict[str, Any] = {
@@ -98,6 +100,18 @@ def test_failed_check_fails_the_unit_and_reports_its_position(tmp_path: Path) ->
     result = resolve(hand_log(tmp_path, strict)).result.to_json()
     assert result["passed"] is False
     assert not named(result)["improvement_at_rest"]["passed"]
+
+
+def test_the_force_at_rest_is_the_same_on_both_pages_of_a_recording(tmp_path: Path) -> None:
+    """The table may move at the ends of a rest, which a plain mean shows and the mean of the solution hardly does."""
+    path = hand_log(tmp_path, CHECKS)
+    answer = solve_method(ignore_progress, path, "multi_position")
+    assert isinstance(answer.plot_data, PositionPlotData)
+    vectors = before_and_after({name: value for name, (value, _) in answer.before.items()}, answer.parameters)
+    applied = apply_to_recording(ignore_progress, path, {}, *vectors)
+    expected = np.column_stack([answer.plot_data.force_before, answer.plot_data.force_after])
+    np.testing.assert_allclose(applied.rest_length, expected, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(applied.length_rms, np.sqrt(np.mean(expected**2, axis=0)), rtol=1e-9)
 
 
 @pytest.fixture

@@ -14,10 +14,11 @@ from calstation.estimation.common import (
     compensated_means,
     find_stillness,
     join_blocks,
+    rest_weights,
     stage_data,
 )
 from calstation.jobs import ProgressCallback
-from calstation.physics import NAMES, RATE, FloatArray
+from calstation.physics import NAMES, RATE, FloatArray, compensate, compensation
 from calstation.records import Correction, LogMeta, context_from_meta, open_log
 from calstation.results.result import Parameter
 from calstation.results.temperature import TemperatureResult, compensate_samples, known_temperatures
@@ -120,9 +121,14 @@ class ImuOutput:
         lengths, rates = [], []
         for a, b in rests:
             first, last = int(block.seq.searchsorted(data.seq[a])), int(block.seq.searchsorted(data.seq[b - 1]))
-            rests_of = [(b.part(first, last + 1), p) for b, p in pairs]
-            means = [compensated_means(rest, context.imu, p, len(rest)) for rest, p in rests_of]
-            lengths.append([float(np.linalg.norm(force, axis=1)[0] - gravity) for _, force in means])
+            rests_of = [(b.part(first, last + 1).counts * context.imu.count_size, p) for b, p in pairs]
+            # the same mean force as in the solution, which motion of the table hardly changes
+            weights = rest_weights(data, context, a, b)
+            means = [
+                compensate(compensation(p), raw[:, :3].mean(axis=0, keepdims=True), weights[None] @ raw[:, 3:])
+                for raw, p in rests_of
+            ]
+            lengths.append([float(np.linalg.norm(force[0]) - gravity) for _, force in means])
             rates.append([float(np.linalg.norm(rate[0])) for rate, _ in means])
         length_rms, rate_rms = (np.sqrt(np.mean(np.square(v), axis=0)) for v in (lengths, rates))
         return Applied(
