@@ -6,24 +6,75 @@ but not to other computers at the same table. A virtual bench needs no locks, be
 
 import ipaddress
 import json
+import multiprocessing
 import os
+import signal
 import socket
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from urllib.parse import quote, urlsplit
 
-from calstation.config import computer_user
+from calstation.config import StationConfig, computer_user
 from calstation.devices.links import list_serial_ports, port_device
 from calstation.errors import DeviceFaultError
 from calstation.messages import os_reason
 from calstation.parsing import parse_json
-from calstation.records import acquire_lock
+from calstation.records import acquire_lock, is_locked
+
+#: Name of the process that executes a run, for which SIGTERM is a safe stop.
+ENGINE = "calstation engine"
 
 #: Host time to wait for a process that is ending to release its lock, s.
 _LOCK_TIMEOUT = 3.0
+
+
+@dataclass(frozen=True)
+class PortOwner:
+    """A process that uses a port, according to its lock file.
+
+    name : name of the process
+    parent : number of the process that started it, or None
+    """
+
+    file: Path
+    pid: int
+    user: str
+    since: str  #: Time at which it locked the port, ISO 8601 in UTC.
+    name: str = ""
+    parent: int | None = None
+
+    @property
+    def can_stop(self) -> bool:
+        """Whether the process executes a run that this user can stop safely; its lock file must be open in it."""
+        if sys.platform == "win32" or self.name != ENGINE:
+            return False
+        handles = Path(f"/proc/{self.pid}/fd")
+        try:
+            os.kill(self.pid, 0)
+            return not handles.is_dir() or any(_is_same(handle, self.file) for handle in handles.iterdir())
+        except OSError:  # of another user
+            return False
+
+    def stop(self) -> bool:
+        """Request a safe stop of the run, and return whether the process still owned the port and was reached."""
+        if _owner_of(self.file) != self or not self.can_stop:
+            return False
+        with suppress(OSError):
+            os.kill(self.pid, signal.SIGTERM)
+            return True
+        return False
+
+
+def station_owner(station: StationConfig) -> PortOwner | None:
+    """Return the process that uses a device of a station, or None; a name of a host may take seconds to resolve."""
+    sections = (station.table, station.chamber, station.imu, *station.slots, *station.secondaries.values())
+    ports = (section.port for section in sections if section is not None and section.port)
+    files = {_lock_file(device): None for port in ports for device in _devices(port)}
+    return next(filter(None, map(_owner_of, files)), None)
 
 
 @contextmanager
@@ -38,15 +89,22 @@ def lock_ports(ports: Iterable[str]) -> Iterator[None]:
 
 @contextmanager
 def _locked(device: str, port: str) -> Iterator[None]:
-    path = _folder() / f"{quote(device, safe='')}.lock"
+    path = _lock_file(device)
     try:
         handle = _open(path)
     except OSError as exc:
         raise DeviceFaultError("connection.lock_failed", port=port, path=str(path), cause=os_reason(exc)) from exc
     try:
         if not acquire_lock(handle, _LOCK_TIMEOUT):
-            raise _in_use_fault(port, handle)
-        owner = {"pid": os.getpid(), "user": computer_user(), "since": datetime.now(UTC).isoformat(timespec="seconds")}
+            raise _in_use_fault(port, path)
+        parent = multiprocessing.parent_process()
+        owner = {
+            "pid": os.getpid(),
+            "user": computer_user(),
+            "since": datetime.now(UTC).isoformat(timespec="seconds"),
+            "name": multiprocessing.current_process().name,
+            "parent": None if parent is None else parent.pid,
+        }
         os.ftruncate(handle, 0)
         os.lseek(handle, 0, os.SEEK_SET)
         os.write(handle, json.dumps(owner).encode())
@@ -71,15 +129,33 @@ def _open(path: Path) -> int:
             return handle
 
 
-def _in_use_fault(port: str, handle: int) -> DeviceFaultError:
+def _in_use_fault(port: str, path: Path) -> DeviceFaultError:
     """Return the fault for a port in use, with the owner from the lock file."""
-    os.lseek(handle, 0, os.SEEK_SET)
-    try:
-        owner = parse_json(os.read(handle, 4096))
-        pid, user, since = owner["pid"], owner["user"], owner["since"]
-    except (ValueError, KeyError, TypeError):
+    owner = _read_owner(path)
+    if owner is None:
         return DeviceFaultError("connection.port_in_use_unknown", port=port)
-    return DeviceFaultError("connection.port_in_use", port=port, pid=pid, user=user, since=since)
+    return DeviceFaultError("connection.port_in_use", port=port, pid=owner.pid, user=owner.user, since=owner.since)
+
+
+def _owner_of(path: Path) -> PortOwner | None:
+    """Return the owner in a lock file, or None if no process keeps the file locked."""
+    with suppress(OSError):  # it does not exist
+        return _read_owner(path) if is_locked(path) else None
+    return None
+
+
+def _read_owner(path: Path) -> PortOwner | None:
+    try:
+        return PortOwner(path, **parse_json(path.read_bytes()))
+    except (OSError, ValueError, TypeError):
+        return None
+
+
+def _is_same(first: Path, second: Path) -> bool:
+    try:
+        return first.samefile(second)
+    except OSError:  # closed, or not a file
+        return False
 
 
 def _devices(port: str) -> Iterator[str]:
@@ -113,6 +189,10 @@ def _addresses(url: str) -> Iterator[str]:
         for *_, address in addresses:
             host_address = str(address[0]).partition("%")[0]
             yield f"{'loopback' if ipaddress.ip_address(host_address).is_loopback else host_address}:{number}"
+
+
+def _lock_file(device: str) -> Path:
+    return _folder() / f"{quote(device, safe='')}.lock"
 
 
 def _folder() -> Path:

@@ -64,6 +64,7 @@ from calstation.records.files import (
     FILE_MODE,
     acquire_lock,
     free_space,
+    is_locked,
     locked,
     partial_path,
     sync_folder,

@@ -1,10 +1,14 @@
 """Each port has one owner; a second process is refused before it opens the port, and the error names the owner."""
 
+import multiprocessing
+import os
+import signal
 import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,9 +17,17 @@ import tomli_w
 from serial.tools import list_ports
 
 from calstation.cli.app import run_app
-from calstation.config import RunRequest
-from calstation.connection import LinkTestRequest, check_imu_link, check_table_link, port_lock, read_table, reset_table
-from calstation.connection.port_lock import lock_ports
+from calstation.config import RunRequest, load_station
+from calstation.connection import (
+    LinkTestRequest,
+    check_imu_link,
+    check_table_link,
+    port_lock,
+    read_table,
+    reset_table,
+    station_owner,
+)
+from calstation.connection.port_lock import ENGINE, lock_ports
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.registers import read_unit
 from calstation.runs import execute
@@ -138,6 +150,30 @@ def test_port_is_released_after_an_exception(opened: tuple[Station, list[bytes]]
         raise OSError("cut")
     with lock_ports([port]):
         pass
+
+
+def test_owner_of_a_station_is_named_and_stopped_only_while_it_owns_a_port(
+    opened: tuple[Station, list[bytes]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    station, port = load_station(opened[0].station)[1], f"tcp://{opened[0].address}"
+    sent: list[tuple[int, int]] = []
+    monkeypatch.setattr(os, "kill", lambda pid, number: sent.append((pid, number)) if number else None)
+    assert station_owner(station) is None
+    with lock_ports([port]):
+        other = station_owner(station)
+        assert other is not None
+        assert (other.pid, other.parent, other.can_stop) == (os.getpid(), None, False)
+        assert not other.stop()
+    monkeypatch.setattr(multiprocessing.current_process(), "_name", ENGINE)
+    with lock_ports([port]):
+        run = station_owner(station)
+        assert run is not None
+        assert run.can_stop
+        assert not replace(run, pid=1).can_stop, "another process has not opened the file"
+        assert run.stop()
+    assert sent == [(os.getpid(), signal.SIGTERM)]
+    assert not run.stop(), "the port is free"
+    assert station_owner(station) is None
 
 
 def test_ports_of_one_host_are_locked_separately() -> None:

@@ -16,6 +16,7 @@ from typing import Any, cast
 
 import pytest
 
+from calstation.connection.port_lock import ENGINE
 from calstation.errors import DeviceFaultError
 from calstation.messages import render
 from calstation.records import open_log
@@ -43,6 +44,7 @@ SOLVED = StageSolved("rate", {}, {"passed": True})
 
 def test_engine_sends_events_and_accepts_commands(site_folder: SiteFolder) -> None:
     with Engine.start(site_folder.request("rate")) as engine:
+        assert engine.process.name == ENGINE, "a port in use names it"
         for event in engine.events():
             if isinstance(event, StepStarted) and event.stage:
                 engine.send(Command.STOP)

@@ -53,7 +53,7 @@ class EngineerPage(Page):
         #: Name of the log of the last run, or of its first unit; "" before its end, None before the first run.
         self._last_log: str | None = None
         #: Code of the reason why nothing may start, and why the station and the product are not usable for a run.
-        self._obstacles: tuple[str, Text | None] = ("", None)
+        self._obstacles: tuple[str | Text, Text | None] = ("", None)
         self.header = self._header = EngineerHeader(app.run)
         self.choice = ChoicePanel()
         self._start_dialog = StartDialog(app, self.notice, "engineer_override", self._header.serial_edit.setFocus)
@@ -357,7 +357,7 @@ class EngineerPage(Page):
             role = say("engineer.new_pin_needed" if self.app.role.new else "engineer.pin_needed")
         run = self.app.run
         waits = say(run.why_not_start)
-        busy = waits if self.app.engine_link.running or run.elsewhere is not None else ""
+        busy = waits if self.app.engine_link.running or run.occupied is not None else ""
         badges = self.app.badge is not None or self.app.badge_required
         self._header.show_person(self.app.person, signed_in=badges)
         name = "" if self.app.person else say("engineer.no_name")

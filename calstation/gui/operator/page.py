@@ -309,7 +309,7 @@ class OperatorPage(Page):
         if self.closing.asking:  # it asks about a run that is stopped now
             self.closing.dismiss()
         unsafe = run.fault is not None or run.stop_incomplete or run.chamber.must_stay_closed
-        if not (run.in_progress or unsafe) and run.monitoring is None and not self._problem:
+        if not (run.in_progress or unsafe or run.occupied) and run.monitoring is None and not self._problem:
             self.notice.dismiss()
             self._message.setText(joined(say("operator.nothing_running"), self._message_text(), language.current()))
 
@@ -393,7 +393,7 @@ class OperatorPage(Page):
         run = self.app.run
         self.header.set_start(self._why_not_start())
         self._verdicts.refuse_again(say("operator.answer_first") if self._starting.asking_about_units else "")
-        waits = run.display_state == "idle" and run.elsewhere is None and not run.stop_incomplete
+        waits = run.display_state == "idle" and run.occupied is None and not run.stop_incomplete
         waits = waits and self._starting.incomplete
         self._badge.show_state(*(("none", term("badge", "not_ready")) if waits else run_badge(run)))
         self._message.setText(self._message_text())

@@ -120,10 +120,10 @@ def urgent_message(run: RunStatus, *, engineer: bool) -> str:
     if run.chamber.must_stay_closed:
         closed = say("operator.chamber_message", reason=chamber_reason(run))
         return joined(table, closed, language.current()) if table and run.state == "stopping" else closed
-    if run.elsewhere is None:
+    if run.occupied is None or run.in_progress:
         return ""
-    other = rendered(Text("question.other_window")).text
-    stopping = run.elsewhere[1] == "stopping"
+    other = rendered(run.occupied).text
+    stopping = run.elsewhere is not None and run.elsewhere[1] == "stopping"
     return joined(say("operator.message_stopping_manual"), other, language.current()) if stopping else other
 
 
@@ -137,8 +137,7 @@ def why_not_load(run: RunStatus, problem: Text | None) -> tuple[Words, Words]:
 
     `problem` is why the next run is not possible, or None.
     """
-    if run.elsewhere is not None:
-        other = Text("question.other_window")
+    if (other := run.occupied) is not None:
         return lambda: rendered(other).text, lambda: rendered(other).remedy
     if problem is not None:
         return lambda: rendered(problem).text, "operator.about_impossible"
@@ -197,7 +196,7 @@ class StartDialog:
     def begin(self, request: RunRequest) -> None:
         """Ask the questions about a requested run, then start it or show why it cannot start."""
         if why_not := self._app.run.why_not_start:
-            ask(self._notice, "caution", Text(why_not), {})
+            ask(self._notice, "caution", why_not if isinstance(why_not, Text) else Text(why_not), {})
             return
         role: Role = "engineer" if self._app.role.engineer else "operator"
         by = self._app.author if role == "engineer" else None

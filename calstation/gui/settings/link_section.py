@@ -327,8 +327,8 @@ class TestPanel(QFrame):
         reason = ""
         if self._app.engine_link.running:
             reason = say("settings.test_after_run")
-        elif self._app.run.elsewhere is not None:
-            reason = say("question.other_window")
+        elif self._app.run.occupied is not None:
+            reason = say(self._app.run.occupied)
         elif self.watch.busy:
             reason = say("settings.test_running")
         elif self.reset.watch.busy:

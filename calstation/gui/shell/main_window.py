@@ -212,9 +212,10 @@ class MainWindow(QMainWindow):
         QTimer.singleShot(0, self, self._prepare_next)
 
     def _join_windows(self) -> None:
-        """Join the windows of the station once this window is visible."""
+        """Join the windows of the station, and watch its ports, once this window is visible."""
         if self.isVisible():
             self.app.windows.join(self.app.station_path)
+            self.app.port_watch.watch(self.app.station_path)
 
     @property
     def operator_page(self) -> OperatorPage:
@@ -255,7 +256,7 @@ class MainWindow(QMainWindow):
 
     def _show_title(self) -> None:
         """Show the units of a run and its state in the title, which the task bar shows, too."""
-        shown = self.app.run.serials or self.app.run.elsewhere is not None
+        shown = self.app.run.serials or self.app.run.occupied is not None
         self.setWindowTitle(f"{run_title(self.app.run)}  –  calstation" if shown else "calstation")
 
     def _show_role(self) -> None:
@@ -376,7 +377,7 @@ class MainWindow(QMainWindow):
             run.stop()
             return
         self._role_panel.hide()
-        if run.elsewhere is not None:
+        if run.occupied is not None:
             run.stop()
 
     def _move_role_panel(self) -> None:

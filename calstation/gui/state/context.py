@@ -11,6 +11,7 @@ from calstation.config import Confirmation, SignInSection, library, load_station
 from calstation.database import ExchangeState
 from calstation.errors import CalstationError
 from calstation.gui.state.engine_link import EngineLink
+from calstation.gui.state.port_watch import PortWatch
 from calstation.gui.state.role import RoleLock
 from calstation.gui.state.run_status import RunStatus
 from calstation.gui.state.slots import Slots
@@ -56,6 +57,7 @@ class AppContext(QObject):
         self.engine_link = EngineLink(self)
         self.run = RunStatus(self.engine_link, self)
         self.windows = StationWindows(self.run, self)
+        self.port_watch = PortWatch(self.run, self)
         self.role = RoleLock(self, lambda: self.engine_link.running or self.job_queue.busy)
         #: Units of the next run at a station with several slots.
         self.slots = Slots(self)
@@ -207,6 +209,7 @@ class AppContext(QObject):
         """Stop a run in progress safely, and end the engine, the job process and the live monitoring."""
         self.closing.emit()
         self.windows.leave()
+        self.port_watch.leave()
         self.engine_link.close()
         self.job_queue.close()
 

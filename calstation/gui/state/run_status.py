@@ -85,6 +85,8 @@ class RunStatus(QObject):
         self.commanded = False
         #: Serial numbers and state of the run in the first window of the station; None in that window.
         self.elsewhere: tuple[tuple[str, ...], str] | None = None
+        #: Which other program uses the devices of the station, with the effect of STOP on it; None without one.
+        self.program: Text | None = None
         #: Units of the run in the order of their slots.
         self.units: tuple[UnitStatus, ...] = (UnitStatus(""),)
         #: Unit that is displayed in detail.
@@ -242,12 +244,6 @@ class RunStatus(QObject):
             return stage.duration
         return stage.remaining if stage.state in ("active", "stopped", "fault") else 0.0
 
-    def sigma_ratio(self, unit: UnitStatus) -> tuple[float, str] | None:
-        """Return the largest ratio of a sigma of a unit to its target or limit, and its group; None while unknown."""
-        targets = {} if self.run_summary is None else self.run_summary.targets
-        ratios = [(value / targets[group], group) for group, value in unit.sigma.items() if group in targets]
-        return max(ratios, default=None)
-
     def select_unit(self, unit: UnitStatus) -> None:
         """Display another unit in detail."""
         if unit is not self.unit:
@@ -262,15 +258,15 @@ class RunStatus(QObject):
 
     def set_elsewhere(self, elsewhere: tuple[tuple[str, ...], str] | None) -> None:
         """Set the serial numbers and the state of the run in the first window of the station."""
-        if elsewhere != self.elsewhere:
-            self.elsewhere = elsewhere
-            self.changed.emit()
+        self._set("elsewhere", elsewhere)
+
+    def set_program(self, program: Text | None) -> None:
+        """Set which other program uses the devices of the station, or None."""
+        self._set("program", program)
 
     def set_monitoring(self, monitoring: tuple[str, Text] | None) -> None:
         """Set the symbol and the text of the state of the IMUs that are monitored live; None without monitoring."""
-        if monitoring != self.monitoring:
-            self.monitoring = monitoring
-            self.changed.emit()
+        self._set("monitoring", monitoring)
 
     def stop(self) -> None:
         """Stop a run in progress safely; the state is ``stopping`` even before the engine confirms the stop."""
@@ -348,8 +344,12 @@ class RunStatus(QObject):
 
     def set_reading_runs(self, reading: bool) -> None:
         """Set whether interrupted runs are looked for after the start of the window."""
-        if reading != self.reading_runs:
-            self.reading_runs = reading
+        self._set("reading_runs", reading)
+
+    def _set(self, name: str, value: object) -> None:
+        """Set an attribute, and report a change."""
+        if value != getattr(self, name):
+            setattr(self, name, value)
             self.changed.emit()
 
     def acknowledge_chamber(self) -> None:
@@ -366,12 +366,17 @@ class RunStatus(QObject):
         return "window.busy_registers" if self.register_operation else "window.busy_run"
 
     @property
-    def why_not_start(self) -> str:
-        """Code of the reason why neither a run nor a write of registers may start, or ""."""
+    def occupied(self) -> Text | None:
+        """Which other window or program of this computer uses the station, so that no run can start, or None."""
+        return self.program if self.elsewhere is None else Text("question.other_window")
+
+    @property
+    def why_not_start(self) -> str | Text:
+        """Reason why neither a run nor a write of registers may start, or ""."""
         if self._link.running:
             return self.why_busy
-        if self.elsewhere is not None:
-            return "question.other_window"
+        if self.occupied is not None:
+            return self.occupied
         if self.fault is not None:
             return "operator.fault_open"
         if self.stop_incomplete:

@@ -11,7 +11,7 @@ from calstation.database import ExchangeState
 from calstation.gui.state.chamber_notice import chamber_reason
 from calstation.gui.state.context import AppContext
 from calstation.gui.state.run_status import RunStatus
-from calstation.gui.text import KINDS, bind, duration_text, on_language_change, say, term
+from calstation.gui.text import KINDS, bind, duration_text, on_language_change, rendered, say, term
 from calstation.gui.widgets import (
     STEPS,
     ElidedLabel,
@@ -53,7 +53,7 @@ class RunStrip(QWidget):
 
     def _refresh(self) -> None:
         run = self._run
-        waits = not self._ready and run.display_state == "idle" and run.elsewhere is None
+        waits = not self._ready and run.display_state == "idle" and run.occupied is None
         closed = run.chamber.must_stay_closed
         title = term("badge", "not_ready") if waits and not (closed or run.stop_incomplete) else run_title(run)
         self._badge.show_state(run_badge(run)[0], title)
@@ -62,6 +62,8 @@ class RunStrip(QWidget):
             parts = [term("stage", run.stage.name), f"{100.0 * run.stage.fraction:.0f} %"]
         if closed:
             parts = [chamber_reason(run)]
+        elif run.program is not None and not run.in_progress:
+            parts = [rendered(run.program).text]
         elif run.remaining is not None:
             parts.append(say("common.time_left", time=duration_text(run.remaining)))
         if self._idle and not parts and not run.in_progress:
@@ -74,7 +76,7 @@ class RunStrip(QWidget):
 def run_title(run: RunStatus) -> str:
     """Return the units and the state of the run in one line."""
     state = run_badge(run)[1]
-    if run.chamber.must_stay_closed or run.elsewhere is not None or not run.serials or (run.in_slots and run.ended):
+    if run.chamber.must_stay_closed or run.occupied is not None or not run.serials or (run.in_slots and run.ended):
         return state
     return f"{_units_text(run.serials)}  ·  {state}"
 
@@ -86,7 +88,8 @@ def _units_text(serials: Sequence[str]) -> str:
 def run_badge(run: RunStatus) -> tuple[str, str]:
     """Return the shape and the text of the badge of a run.
 
-    In another window of the station, it is the run of the first one. The text states whether a run in progress is
+    In another window of the station, it is the run of the first one. Another program that uses the station comes
+    before the last run. The text states whether a run in progress is
     partial. After a run of several units, it counts the outcomes, and the shape is that of the worst. A table that may
     still move and a chamber that must stay closed come first.
     """
@@ -107,6 +110,8 @@ def _state_badge(run: RunStatus) -> tuple[str, str]:
         return KINDS.get(elsewhere, "none"), say("window.in_other_window", state=text)
     if run.in_slots and run.ended:
         counts = Counter(run.display_state_of(unit) for unit in run.units)
+    if run.program is not None and not run.in_progress and run.fault is None:
+        return "active", term("badge", "in_use")
         texts = [term("unit_count", outcome, count=counts[outcome]) for outcome in _COUNTED if counts[outcome]]
         worst = next((outcome for outcome in _WORST if counts[outcome]), run.display_state)
         return KINDS.get(worst, "none"), term("unit_count", "comma").join(texts)

@@ -111,7 +111,7 @@ class StationWindows(QObject):
 
     def _read_stop(self) -> None:
         for socket in self._others:
-            if _STOP in bytes(socket.readAll().data()) and self._run.in_progress:
+            if _STOP in bytes(socket.readAll().data()) and (self._run.in_progress or self._run.program is not None):
                 self._run.stop()
 
     # ---- other windows

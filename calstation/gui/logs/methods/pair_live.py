@@ -153,8 +153,8 @@ class PairLiveView(QWidget):
     def _why_not(self) -> str:
         if self._app.engine_link.running:
             return say("window.busy_run")
-        if self._app.run.elsewhere is not None:
-            return say("question.other_window")
+        if self._app.run.occupied is not None:
+            return say(self._app.run.occupied)
         try:
             _, station = load_station(self._app.station_path)
         except CalstationError as error:

@@ -188,7 +188,7 @@ class UnitTiles(QWidget):
         if unit.keeps_registers:
             return "bad", say("operator.registers_kept")
         bad = next((stage for stage in unit.stages if stage.state == "bad"), None)
-        stage, ratio = unit.stage, run.sigma_ratio(unit)
+        stage, ratio = unit.stage, _sigma_ratio(unit, run.run_summary)
         text = ""
         if bad is not None:
             text = _named(term("stage", bad.name), term("stage_state", "bad"))
@@ -206,6 +206,12 @@ class UnitTiles(QWidget):
         if unit.failing and bad is None:
             return "bad", say("operator.will_fail")
         return "bad" if bad is not None else kind, text or say("operator.unit_preparing")
+
+
+def _sigma_ratio(unit: UnitStatus, summary: RunSummary | None) -> tuple[float, str] | None:
+    """Return the largest ratio of a sigma to its target or limit, and its group; None while unknown."""
+    targets = {} if summary is None else summary.targets
+    return max(((value / targets[g], g) for g, value in unit.sigma.items() if g in targets), default=None)
 
 
 def _sigma_text(ratio: float, group: str, summary: RunSummary | None) -> str:

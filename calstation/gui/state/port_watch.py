@@ -1,0 +1,84 @@
+"""The watch on the ports of the station, which another program of this computer may use."""
+
+import os
+import threading
+from contextlib import suppress
+from pathlib import Path
+
+from PySide6.QtCore import QObject, QTimer, Signal
+
+from calstation.config import load_station
+from calstation.connection import PortOwner, station_owner
+from calstation.errors import CalstationError
+from calstation.gui.state.run_status import RunStatus
+from calstation.messages import Text
+
+#: Interval at which the locks of the ports are read, ms.
+_INTERVAL_MS = 1000
+
+
+class PortWatch(QObject):
+    """Shows the program that uses the devices of the station as `RunStatus.program`, and passes STOP to its run."""
+
+    _read = Signal(object, object)
+
+    def __init__(self, run: RunStatus, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._run = run
+        self._station: Path | None = None
+        self._owner: PortOwner | None = None
+        self._effect = ""  #: Effect of STOP on the owner, ``stopping`` or ``not_stopped``; "" before STOP.
+        self._reading = False
+        self._timer = QTimer(self, interval=_INTERVAL_MS)
+        self._timer.timeout.connect(self._look)
+        self._read.connect(self._show)
+        run.stop_pressed.connect(self._stop)
+
+    def watch(self, station: Path | None) -> None:
+        """Watch the ports of a station file, by default of the virtual bench, which has none."""
+        if station != self._station:
+            self._station = station
+            self._set_owner(None)
+        self._timer.start()
+        self._look()
+
+    def leave(self) -> None:
+        """End the watch."""
+        self._timer.stop()
+
+    def _look(self) -> None:
+        """Read the locks in a thread, because the name of a host may take seconds to resolve."""
+        if not (self._reading or self._run.in_progress):
+            self._reading = True
+            threading.Thread(target=self._read_owner, args=(self._station,), daemon=True).start()
+
+    def _read_owner(self, path: Path | None) -> None:
+        owner = None
+        with suppress(CalstationError):  # the operator page and the station page show the error
+            _, station = load_station(path)
+            owner = None if station.bench is not None else station_owner(station)
+        with suppress(RuntimeError):  # the window has been destroyed
+            self._read.emit(path, owner)
+
+    def _show(self, station: Path | None, owner: PortOwner | None) -> None:
+        self._reading = False
+        if station == self._station:
+            own = owner is not None and os.getpid() in (owner.pid, owner.parent)
+            self._set_owner(None if own else owner)
+
+    def _set_owner(self, owner: PortOwner | None) -> None:
+        if owner != self._owner:
+            self._owner, self._effect = owner, ""
+            self._show_owner()
+
+    def _stop(self) -> None:
+        if self._owner is not None and self._run.elsewhere is None and not self._run.in_progress:
+            self._effect = "stopping" if self._owner.stop() else "not_stopped"
+            self._show_owner()
+
+    def _show_owner(self) -> None:
+        owner, program = self._owner, None
+        if owner is not None:
+            effect = self._effect or ("running" if owner.can_stop else "used")
+            program = Text.of(f"question.program_{effect}", pid=owner.pid, user=owner.user, since=owner.since)
+        self._run.set_program(program)

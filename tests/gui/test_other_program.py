@@ -1,0 +1,103 @@
+"""A station whose devices another program uses: the window shows it, refuses START, and STOP stops its run."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+import tomli_w
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QLabel, QPushButton
+
+from calstation.connection import port_lock
+from calstation.gui.state import RunStrip
+from tests.gui.conftest import SERIAL, Operator
+from tests.site_folder import STATION
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX locks and signals")
+
+#: Owns a lock file as a process with a name, until a signal that ends a run safely.
+_OWNER = """
+import fcntl, json, os, signal, sys
+file = open(sys.argv[1], "w")
+fcntl.flock(file, fcntl.LOCK_EX)
+since = "2026-07-01T03:03:00+00:00"
+json.dump({"pid": os.getpid(), "user": "wang", "since": since, "name": sys.argv[2], "parent": None}, file)
+file.flush()
+signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+print("owned", flush=True)
+signal.pause()
+"""
+
+
+@contextmanager
+def owner(name: str) -> Iterator["subprocess.Popen[str]"]:
+    """Run another process that uses the table of the hardware station."""
+    command = [sys.executable, "-c", _OWNER, str(port_lock._lock_file("loopback:9")), name]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "owned\n"
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+@pytest.fixture
+def hardware(operator: Operator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Operator:
+    """An operator at a station with hardware."""
+    (tmp_path / "locks").mkdir()
+    monkeypatch.setattr(port_lock, "_folder", lambda: tmp_path / "locks")
+    ports = {"table": {"profile": "bench", "port": "tcp://127.0.0.1:9"}, "imu": {"port": "socket://127.0.0.1:7"}}
+    station = operator.site_folder.station.with_name("hardware.toml")
+    station.write_text(tomli_w.dumps({**STATION, "name": "line 3", **ports}), encoding="utf-8")
+    operator.window.app.set_station(station)
+    operator.scan(SERIAL)
+    return operator
+
+
+def press_stop(operator: Operator) -> None:
+    operator.qtbot.mouseClick(operator.window.stop_button, Qt.MouseButton.LeftButton)
+
+
+@pytest.mark.parametrize(
+    ("code", "used", "remedy", "badge", "stopped"),
+    [
+        ("en", "process {pid} of wang", "STOP and Esc in this window stop its run", "IN USE", "told to stop its run"),
+        ("zh_CN", "用户 wang 的进程 {pid}", "会安全停止它的标定", "使用中", "安全停止标定"),
+    ],
+)
+def test_run_of_another_program_is_shown_and_stopped(
+    hardware: Operator, code: str, used: str, remedy: str, badge: str, stopped: str
+) -> None:
+    hardware.window.app.set_language(code)
+    start = hardware.widget("start_button", QPushButton)
+    hardware.until(start.isEnabled)
+    with owner(port_lock.ENGINE) as process:
+        hardware.until(lambda: used.format(pid=process.pid) in hardware.message)
+        assert remedy in hardware.says()
+        assert badge in hardware.says()
+        assert not start.isEnabled()
+        assert str(process.pid) in start.toolTip()
+        hardware.window.show_page("engineer_page")
+        (strip,) = (strip for strip in hardware.window.findChildren(RunStrip) if strip.isVisible())
+        assert badge in [label.text() for label in strip.findChildren(QLabel)]
+        assert str(process.pid) in hardware.widget("engineer_start_button", QPushButton).toolTip()
+        press_stop(hardware)
+        assert any(stopped in label.text() for label in strip.findChildren(QLabel))
+        assert process.wait(10.0) == 0
+        hardware.window.show_page("operator_page")
+        hardware.until(start.isEnabled)
+        assert badge not in hardware.says()
+
+
+@pytest.mark.parametrize(("code", "said"), [("en", "STOP does not reach process"), ("zh_CN", "“停止”对用户 wang")])
+def test_program_that_executes_no_run_is_not_stopped(hardware: Operator, code: str, said: str) -> None:
+    hardware.window.app.set_language(code)
+    with owner("MainProcess") as process:
+        hardware.until(lambda: str(process.pid) in hardware.message)
+        press_stop(hardware)
+        assert said in hardware.message
+        assert process.poll() is None
