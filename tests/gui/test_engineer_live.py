@@ -54,6 +54,25 @@ def test_traces_table_and_convergence_are_live(run: Operator) -> None:
     assert current_view(run) == "实时"
 
 
+@pytest.mark.parametrize(
+    ("code", "at_rest", "unknown"),
+    [("en", "table at rest", "table not connected"), ("zh_CN", "转台静止", "转台未连接")],
+)
+def test_reading_of_the_table_is_not_shown_as_current_after_the_run(
+    run: Operator, code: str, at_rest: str, unknown: str
+) -> None:
+    run.window.app.set_language(code)
+    link = run.window.app.engine_link
+    link.event.emit(TableMoved(0.5, 1.0, 0.0, 0.0, moving=False))
+    assert at_rest in run.says()
+    for slot in ("1", "2"):
+        end_unit(run, slot, "stopped")
+    link._end()
+    assert unknown in run.says()
+    assert at_rest not in run.says()
+    assert "28.648°" not in run.says()
+
+
 @pytest.mark.long
 def test_run_is_paused_and_resumed(run: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
     sent: list[Command] = []

@@ -119,7 +119,7 @@ class LiveView(QWidget):
         self._column = column((self.position, 9), (self._upper, 5), self._units, (below, 4), on=self)
         run.unit_changed.connect(self._show_unit)
         run.changed.connect(self._refresh)
-        link.running_changed.connect(lambda running: self._start() if running else self._traces.stop())
+        link.running_changed.connect(lambda running: self._start() if running else self._end())
         link.event.connect(self._show_event)
         self._refresh()
 
@@ -139,6 +139,11 @@ class LiveView(QWidget):
             self.table.picture.set_axes(run_summary.outer_axis, run_summary.inner_axis)
             self._orient()
             self.position.set_run(run_summary)
+
+    def _end(self) -> None:
+        """Stop the traces, and clear the readings of the table, which another program may move from now on."""
+        self._traces.stop()
+        self.table.clear()
 
     def _show_event(self, event: Event) -> None:
         """Show an event."""
