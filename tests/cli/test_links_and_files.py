@@ -164,7 +164,7 @@ def test_gravity_that_a_run_would_refuse_is_a_problem(calstation: Run, tmp_path:
     done = calstation("test", "imu", "--station", file)
     assert done.code == 3
     assert "WARNING site.gravity_mps2 = 9.83 does not match latitude 34.25°" in done.out
-    assert done.out.splitlines()[-1] == "The link works, but a run would not start with these settings."
+    assert done.out.splitlines()[-1] == "The link works, but the warnings can prevent or end a run."
 
 
 @pytest.mark.long
@@ -192,7 +192,7 @@ def test_all_incompatibilities_between_product_and_station_are_shown(calstation:
     for done in (carried, mems):
         assert done.code == 3
         # On a busy computer the rate of the simulated unit may be found wrong too.
-        assert done.out.splitlines()[-1].startswith(("The link works, but a run would not start", "Not ready"))
+        assert done.out.splitlines()[-1].startswith(("The link works, but the warnings can prevent", "Not ready"))
 
 
 def test_the_table_is_checked_for_a_given_product(calstation: Run) -> None:

@@ -36,7 +36,7 @@ def link(
 ) -> int:
     """Test the link to the table or chamber, or the links to the IMUs in all slots, and show every finding.
 
-    Returns the exit code of a device fault if a run would not start.
+    Returns the exit code of a device fault after a warning or an error.
     """
     check_choice("DEVICE", device, tuple(_TESTS))
     console = plain_console(stderr=True)

@@ -395,7 +395,8 @@ class TestPanel(QFrame):
         self.badge.setVisible(bool(state) and not self.watch.busy)
         if state:
             self.badge.show_state(_SYMBOLS[state], say(f"setting.test_{state}"))
-        show_text(self._why, say(self._error.as_text) if self._error else "")
+        effect = "setting.warning_effect" if state == "warning" else ""
+        show_text(self._why, say(self._error.as_text if self._error else effect))
         self._nothing.setVisible(not state and not self.watch.busy)
 
     def _clear(self) -> None:
