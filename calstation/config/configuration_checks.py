@@ -18,14 +18,16 @@ if TYPE_CHECKING:
 
 
 class ManualRigError(ConfigurationError):
-    """Raised if a stage needs a driven table, a manual rig or a gimbal that the station does not have."""
+    """Raised if the station is for no run, or lacks the driven table, the manual rig or the gimbal of a stage."""
 
 
 def check_station(setup: "RunConfiguration") -> None:
     """Check that the table and the site of the station are suitable for the product.
 
-    Raises ConfigurationError, in particular ManualRigError if the table is not suitable.
+    Raises ConfigurationError, in particular ManualRigError if the table is not suitable or the IMUs are on one body.
     """
+    if setup.station.secondaries:
+        raise ManualRigError("product.pair_station", station=setup.station.name)
     check_manual_rig(setup)
     check_gimbal(setup)
     check_chamber(setup)

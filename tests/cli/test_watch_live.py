@@ -56,6 +56,16 @@ def test_station_without_a_second_imu_or_with_a_numbering_gap_is_refused(calstat
     assert calstation("watch").code == 2
 
 
+def test_no_run_is_started_at_a_station_whose_imus_are_on_one_body(calstation: Run, tmp_path: Path) -> None:
+    for product in ([], ["--product", "mems_hand"]):
+        done = calstation(
+            "run", "--serial", "SN-000042", "--station", station(tmp_path), *product, "--out", tmp_path / "runs"
+        )
+        assert done.code == 2
+        assert "Station “virtual pair” compares IMUs on one body" in done.err
+    assert not (tmp_path / "runs").exists()
+
+
 def test_product_over_temperature_is_refused_at_the_start(calstation: Run, tmp_path: Path) -> None:
     done = calstation("watch", "--station", station(tmp_path), "--product", "nav_a_thermal", "--seconds", 1)
     assert done.code == 2

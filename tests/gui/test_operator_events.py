@@ -230,7 +230,7 @@ def test_compatible_products_are_listed_and_selected_by_a_button(
     names = library.names
     monkeypatch.setattr(library, "names", lambda kind: ["short"] if kind == "products" else names(kind))
     app.set_station(library.find("stations", "virtual_hand"))
-    assert "No product is compatible: choose another station." in operator.says()
+    assert "No product can be calibrated here: choose another station for that." in operator.says()
     assert operator.widget("station_choice").isVisible()
 
 

@@ -52,8 +52,16 @@ def test_pair_station_leads_to_its_live_monitoring(operator: Operator) -> None:
     app = operator.window.app
     app.set_station(library.find("stations", "virtual_pair"))
     assert "compares IMUs on one body" in operator.says()
+    assert "No product can be calibrated here" in operator.says()
+    assert operator.window.findChild(QPushButton, "product_choice_mems_hand") is None
+    app.set_product(library.find("products", "mems_hand"))
+    assert "compares IMUs on one body" in operator.says()
+    assert not entry(operator, "mems_hand")[1]
+    assert "(no run at this station)" in entry(operator, "mems_hand")[0]
     app.set_language("zh_CN")
+    assert "（本工位不作标定）" in entry(operator, "mems_hand")[0]
     assert "请点击下方的“实时监测”" in operator.says()
+    assert "本工位不能标定任何产品型号" in operator.says()
     assert operator.widget("show_watch_button", QPushButton).text() == "实时监测"
     for language, text in (
         ("zh_CN", "请点击“实时监测”；本工位不需要“开始”按钮。"),
@@ -78,7 +86,6 @@ def test_monitoring_is_offered_for_every_product_and_its_state_is_shown(operator
     assert not watch.isVisible(), "the station has one IMU"
     app.set_station(library.find("stations", "virtual_pair"))
     app.set_product(library.find("products", "mems_hand"))
-    assert "compares IMUs on one body" not in operator.says()
     operator.window.show_page("history_page")
     operator.window.show_page("operator_page")
     assert watch.isVisible()

@@ -8,7 +8,7 @@ from typing import Any
 
 from calstation.config import ManualRigError, RunRequest, compatible_products
 from calstation.errors import CalstationError
-from calstation.gui.operator.questions import has_pair, refusal, wrong_rig
+from calstation.gui.operator.questions import refusal, wrong_rig
 from calstation.gui.state import AppContext
 from calstation.gui.widgets import Choice
 from calstation.messages import Text
@@ -32,13 +32,13 @@ def read_next_run(
         compatible = compatible_products(app.station_path, app.product_path)
         display_names = {path: name for name, path in products}
         names = ", ".join(f"“{display_names[path]}”" for _, path in compatible)
-        why = Text("window.pair_station") if has_pair(app.station_path) else Text(wrong_rig(error))
         about = Text.of("window.compatible_products" if compatible else "window.no_compatible_product", names=names)
         choices = []
         for name, path in compatible[:2]:  # the notice lists all of them
             words = Text.of("window.choose_product", name=display_names[path])
             choices.append(Choice(f"product_choice_{name}", words, partial(app.set_product, path)))
-        return None, Text.of("question.wrong_table", why=why, products=about), [*choices, open_station]
+        question = Text.of("question.wrong_table", why=Text(wrong_rig(error)), products=about)
+        return None, question, [*choices, open_station]
     except CalstationError as error:
         if stages := _wrong_schedules(request):
             open_engineer = partial(app.page_requested.emit, "engineer_page")

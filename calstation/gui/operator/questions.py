@@ -329,6 +329,7 @@ _WRONG_RIGS = {
     "product.needs_manual_table": "window.driven_station",
     "plan.needs_gimbal": "window.not_gimbal_station",
     "product.needs_table": "window.gimbal_station",
+    "product.pair_station": "window.pair_station",
 }
 
 
