@@ -78,6 +78,11 @@ class RunSummary:
         return self.bench is not None
 
     @property
+    def fixed_serial(self) -> str:
+        """Serial number of the only unit of a virtual bench; "" if every suitable number is a unit of its own."""
+        return "" if self.bench is None or self.slots else str(self.bench.get("serial", ""))
+
+    @property
     def faster(self) -> bool:
         """Whether the station is a virtual bench that is faster than hardware."""
         return self.bench is not None and self.bench.get("speed", 0.0) != 1.0

@@ -422,6 +422,25 @@ def test_loading_ends_with_the_closed_chamber(operator: Operator) -> None:
     assert "温箱" not in loading._titles[3].text()
 
 
+@pytest.mark.parametrize(
+    ("code", "only", "any_other"),
+    [("en", "It is the only unit of this station", "is another unit"), ("zh_CN", "只有这一台产品", "另一台产品")],
+)
+def test_loading_names_the_only_unit_of_a_virtual_bench(
+    operator: Operator, code: str, only: str, any_other: str
+) -> None:
+    operator.window.app.set_language(code)
+    operator.window.app.set_station(library.find("stations", "virtual_gimbal"))
+    operator.window.app.set_product(library.find("products", "mems_gimbal"))
+    loading = operator.window.operator_page._loading
+    assert "SN-GIMBAL-1" in loading._titles[1].text()
+    assert only in loading._texts[1].text()
+    operator.window.app.set_station(library.find("stations", "virtual_bench"))
+    operator.window.app.set_product(library.find("products", "nav_a"))
+    assert any_other in loading._texts[1].text()
+    assert only not in loading._texts[1].text()
+
+
 def test_product_over_temperature_is_greyed_where_there_is_no_chamber(operator: Operator) -> None:
     text, enabled, tip = entry(operator, "mems_c_thermal")
     assert "(needs a chamber)" in text

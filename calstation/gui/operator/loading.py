@@ -16,6 +16,8 @@ from calstation.runs import RunSummary
 
 #: Number of the step that differs in a chamber, by situation.
 _CHAMBER_STEPS = {"driven": 4, "virtual_driven": 3}
+#: Number of the step about the serial number at a virtual bench.
+_SERIAL_STEP = 2
 
 
 class FixturePicture(QWidget):
@@ -62,7 +64,7 @@ class Loading(QFrame):
     def __init__(self) -> None:
         super().__init__()
         self.setProperty("kind", "panel")
-        self._situation, self._in_chamber = "driven", False
+        self._situation, self._in_chamber, self._serial = "driven", False, ""
         self.picture, self.rails, self.fixture = TablePicture(), PositionPicture(), FixturePicture()
         for picture in (self.picture, self.rails, self.fixture):
             picture.setMinimumSize(30 * theme.GRID, 30 * theme.GRID)
@@ -91,6 +93,7 @@ class Loading(QFrame):
         """Show how to load a unit for the next run."""
         self._situation = "driven"
         self._in_chamber = run_summary is not None and run_summary.over_temperature
+        self._serial = "" if run_summary is None else run_summary.fixed_serial
         by_hand = run_summary is not None and run_summary.by_hand
         picture_file = None if run_summary is None else run_summary.picture
         self.fixture.show_file(picture_file)
@@ -110,5 +113,7 @@ class Loading(QFrame):
         for number, (title, text) in enumerate(zip(self._titles, self._texts, strict=True), start=1):
             chamber = self._in_chamber and number == _CHAMBER_STEPS.get(self._situation)
             step = rendered(Text(f"loading.{self._situation}_{'chamber' if chamber else number}"))
+            if self._serial and number == _SERIAL_STEP:
+                step = rendered(Text.of("loading.virtual_fixed_serial", serial=self._serial))
             title.setText(step.text)
             text.setText(step.remedy)
