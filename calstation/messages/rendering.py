@@ -306,8 +306,8 @@ class _Formatter(string.Formatter):
         if isinstance(value, list | tuple):
             separator = "、" if self._language == "zh_CN" else ", "
             return separator.join(self.format_field(item, format_spec) for item in value) or "–"
-        if format_spec == "local_time":
-            return local_time(str(value), zone=not self._window)
+        if format_spec in ("local_time", "zoned_time"):
+            return local_time(str(value), zone=format_spec == "zoned_time" or not self._window)
         if format_spec in _NAMES:
             return _NAMES[format_spec](str(value), self._language) if self._window else str(value)
         if format_spec.startswith("@"):

@@ -103,6 +103,7 @@ def label_fields(result: Result, folder: Path | None = None) -> dict[str, str]:
         with suppress(InputError):  # a damaged record confirms no certificate
             issued = issued_reports(folder, (), run)
     date, _, time = local_time(result.started_utc or "").partition(" ")
+    zone = local_time(result.started_utc or "", zone=True).rpartition(" ")[2]
     return {
         "serial": result.serial,
         "product": result.product or "",
@@ -111,6 +112,7 @@ def label_fields(result: Result, folder: Path | None = None) -> dict[str, str]:
         "verdict": "SIMULATED" if result.simulated else "PASS",
         "date": date,
         "time": time,
+        "zone": zone,
         "attempt": str(result.attempt),
         "software": result.software.version if result.software is not None else "",
         "run": run,

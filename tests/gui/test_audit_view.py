@@ -3,6 +3,7 @@
 import csv
 import hashlib
 import json
+import re
 from dataclasses import asdict
 from datetime import timedelta
 from pathlib import Path
@@ -169,7 +170,7 @@ def test_a_changed_line_is_found_by_verification(page: HistoryPage, trail: Path,
     faults = page.audit.findChild(QLabel, "audit_faults_label")
     qtbot.waitUntil(lambda: "was changed at line 2" in faults.text(), timeout=WAIT)
     assert faults.property("kind") == "error"
-    assert "Verified at " in state.text()
+    assert re.search(r"Verified at [-\d]{10} [:\d]{8} UTC", state.text())
     assert ": 1 fault." in state.text()
 
 

@@ -156,6 +156,9 @@ def test_time_is_shown_in_the_time_zone_of_the_computer() -> None:
     assert local_time(started) == "2026-11-23 07:30"
     assert local_time(started, zone=True) == "2026-11-23 07:30:05 UTC+08:00"
     assert local_time("yesterday") == "yesterday"
+    written = Text.of("registers.written_at", time=started)
+    assert sentence(written, "en", window=True) == "registers written 2026-11-23 07:30:05 UTC+08:00"
+    assert sentence(written, "zh_CN", window=True) == "寄存器写入于 2026-11-23 07:30:05 UTC+08:00"
     values = {"serial": "SN-1", "number": 2, "stage": "rate", "when": started, "kept": "", "product": ""}
     resume = render("question.resume", values)
     assert resume.remedy.startswith("Started 2026-11-23 07:30:05 UTC+08:00. ")

@@ -294,6 +294,16 @@ def test_certificate_applies_to_the_temperatures_of_the_solved_stages(
     assert values[:3] == pytest.approx([solved.min(), solved.mean(), solved.max()], abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("language", "labels"), [("en", ("Calibrated", "Issued")), ("zh_CN", ("校准日期", "签发日期"))]
+)
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_dates_on_the_first_page_are_in_utc(made: Made, language: Language, labels: tuple[str, str]) -> None:
+    page = typeset_pages(made, language)[0]
+    for label in labels:
+        assert f"{label}{made.certificate.issued}(UTC)" in page
+
+
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
 def test_turn_on_to_turn_on_change_is_taken_from_the_imu_profile(made: Made) -> None:
     meta = made.certificate.meta

@@ -1,11 +1,15 @@
 """Labels are made from results of passed units, and every failure has a remedy."""
 
+import io
 import json
 import socket
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pypdf
 import pytest
 import tomli_w
 import typst
@@ -102,6 +106,37 @@ def test_shipped_label_uses_no_installed_font(site: Path) -> None:
     pdf = printed(site)
     assert pdf is not None
     assert fonts_of(pdf.read_bytes()) == {"CalstationSans-Regular-Identity-H", "CalstationSans-Bold-Identity-H"}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the time zone of a process cannot be set")
+@pytest.mark.parametrize("verdict", ["PASS", "SIMULATED"])
+def test_shipped_labels_state_the_zone_of_their_time_and_have_room_for_long_names(
+    site: Path, monkeypatch: pytest.MonkeyPatch, verdict: str
+) -> None:
+    names = {"product": "Navigation grade A, over temperature", "operator": "Maximilian Mustermann (B0001)"}
+    result = Result.from_json({**RESULT, **names, "simulated": verdict == "SIMULATED"})
+    with monkeypatch.context() as patch:
+        patch.setenv("TZ", "Asia/Kolkata")
+        time.tzset()
+        fields = label_fields(result)
+    time.tzset()
+    template = shipped_folder() / "products" / "label.typ"
+    inputs = {**fields, "qr": qr_code(fields["code"])}
+    (page,) = pypdf.PdfReader(
+        io.BytesIO(typst.compile(template, sys_inputs=inputs, font_paths=[shipped_folder() / "fonts"]))
+    ).pages
+    lines = page.extract_text().splitlines()
+    assert [line.strip() for line in lines[-7:]] == [
+        "Navigation grade A,",
+        "over temperature",
+        "2026-11-23",
+        "12:00 UTC+05:30",
+        "line 3",
+        "Maximilian",
+        "Mustermann (B0001)",
+    ]
+    assert lines[0].split() == ["SN-000042", verdict]
+    assert "^FD$date^FS\n^FO160,97^A0N,18,18^FD$zone^FS" in template.with_suffix(".zpl").read_text(encoding="utf-8")
 
 
 #: Content of the code of the label of `RESULT`.

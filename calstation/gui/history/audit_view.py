@@ -119,7 +119,7 @@ class AuditView(JobView):
         self._reader.start(self.app.station_path, self.app.runs_folder)
 
     def _show_trail(self, trail: SiteTrail) -> None:
-        self._trail, self._verified = trail, f"{datetime.now():%Y-%m-%d %H:%M:%S}"
+        self._trail, self._verified = trail, local_time(datetime.now(UTC).isoformat(), zone=True)
         self._show_texts()
 
     def _show_texts(self) -> None:

@@ -87,7 +87,8 @@ def result_notes(result: Result | None) -> list[str]:
     if result is not None and result.override is not None:
         override = result.override
         people = ", ".join(filter(None, (override.by, override.confirmed_by)))
-        notes.append(say("advice.released_by", people=people, when=local_time(override.utc), why=override.why))
+        when = local_time(override.utc, zone=True)
+        notes.append(say("advice.released_by", people=people, when=when, why=override.why))
     return notes
 
 
