@@ -33,12 +33,24 @@ def existing_folder(folder: Path) -> Path:
     return folder
 
 
+def names_folder(path: str) -> bool:
+    """Return whether a path ends with a slash, and so means a folder whether or not it exists."""
+    return path.endswith(("/", os.sep))
+
+
+def output_file(path: str) -> Path:
+    """Return the file of an output option. Raises ConfigurationError for a path that means a folder."""
+    if names_folder(path):
+        raise ConfigurationError("cli.out_is_folder", path=path)
+    return Path(path)
+
+
 def _writable(target: str | None) -> str | None:
     """Return the value of ``--json``. Raises ConfigurationError if the file cannot be written."""
     if target is None or target == "-":
         return target
     path = Path(target)
-    if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+    if names_folder(target) or path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
         raise ConfigurationError("cli.json_unwritable", path=path)
     return target
 
@@ -52,7 +64,7 @@ RunsOption = Annotated[Path, typer.Option("--out", callback=existing_folder)]
 ByOption = Annotated[str | None, typer.Option(metavar="BADGE")]
 ConfirmedByOption = Annotated[str | None, typer.Option(metavar="BADGE")]
 YesOption = Annotated[bool, typer.Option("--yes")]
-LogOutOption = Annotated[Path, typer.Option("-o", "--out", metavar="LOG")]
+LogOutOption = Annotated[Path, typer.Option("-o", "--out", metavar="LOG", parser=output_file)]
 
 
 def check_choice(option: str, value: str | None, choices: tuple[str, ...]) -> None:

@@ -8,6 +8,7 @@ from calstation.reports.content import Certificate, build_certificate, certifica
 from calstation.reports.dcc import write_dcc
 from calstation.reports.issue import (
     IssueState,
+    certificate_folder,
     issue_certificate,
     issue_certificates,
     issue_report,

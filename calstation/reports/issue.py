@@ -120,11 +120,20 @@ def issue_certificate(report: ProgressCallback, request: ReportRequest) -> Path:
     The folder ``certificates`` next to the runs is created if it is missing.
     """
     if request.out == default_report_folder(request.source.parent):
-        try:
-            request.out.mkdir(exist_ok=True)
-        except OSError as exc:
-            raise InputError("report.unwritable", file=request.out, reason=os_reason(exc)) from exc
+        certificate_folder(request.out)
+    elif not request.out.is_dir():
+        raise InputError("report.no_folder", folder=request.out)
     return issue_report(report, request)[1]
+
+
+def certificate_folder(folder: Path) -> None:
+    """Create a folder for certificates if it is missing. Raises InputError if it cannot be created, or is a file."""
+    try:
+        folder.mkdir(exist_ok=True)
+    except FileExistsError as exc:
+        raise InputError("report.not_a_folder", folder=folder) from exc
+    except OSError as exc:
+        raise InputError("report.unwritable", file=folder, reason=os_reason(exc)) from exc
 
 
 def issue_certificates(report: ProgressCallback, requests: Sequence[ReportRequest]) -> list[Path]:

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import threading
 import tomllib
+from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,8 @@ from calstation.cli.app import run_app
 from calstation.config import Person, access, load_configuration, site_folder
 from calstation.config.library import shipped_folder
 from calstation.devices.imu import Closing, Step
-from calstation.messages import event_text, sentence
+from calstation.errors import InputError
+from calstation.messages import Language, event_text, sentence
 from calstation.records import audit_path, open_log, read_audit, read_reports, report_file
 from calstation.registers import journal
 from calstation.reports import certificate_number, issue, issue_state, issued_certificates
@@ -26,7 +28,7 @@ from calstation.results import Result, override_result
 from calstation.runs import closing
 from calstation.runs.closing import report_command, start_reports
 from calstation.sequencer import Event, Message
-from tests.helpers import ignore_progress
+from tests.helpers import ignore_progress, raises_code
 from tests.reports.certificates import Made, make, with_laboratory
 from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder
@@ -331,6 +333,51 @@ def test_wrong_usage_is_reported(
     out = () if "-o" in arguments else ("-o", tmp_path / "x.pdf")
     assert report(tmp_path / "x.json", *out, *arguments) == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("export", "x.h5", "-o", "out/"),
+        ("apply", "x.json", "x.h5", "-o", "out/"),
+        ("import", "x.csv", "-o", "out/"),
+        ("fleet", "export", "1", "-o", "out/"),
+        ("report", "x.json", "-o", "x.pdf", "--dcc", "out/"),
+        ("report", "x.json", "-o", "missing/out/"),
+    ],
+    ids=" ".join,
+)
+def test_slash_at_the_end_means_a_folder(
+    command: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run_app(list(command)) == 2
+    said = "cannot be written" if "missing/out/" in command else "out/ is a folder; this command writes a file"
+    assert said in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_slash_at_the_end_creates_the_folder_of_the_certificate(gimbal: Made) -> None:
+    folder = gimbal.folder / "certificates"
+    assert report(gimbal.result_file, "-o", f"{folder}/") == 0
+    assert [pdf.name for pdf in folder.iterdir()] == [f"{gimbal.result_file.stem}.pdf"]
+
+
+@pytest.mark.parametrize(
+    ("language", "words"), [("en", "Move or rename this file, then issue"), ("zh_CN", "请移走或重命名此文件")]
+)
+def test_file_in_place_of_the_folder_has_its_own_remedy(
+    gimbal: Made, language: Language, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    request = issue_state(ignore_progress, gimbal.result_file, None, "en").request
+    request.out.write_text("a certificate", encoding="utf-8")
+    with raises_code(InputError, "report.not_a_folder") as raised:
+        issue.issue_certificate(ignore_progress, request)
+    assert words in sentence(raised.value.as_text, language)
+    assert report(gimbal.result_file, "-o", f"{request.out}/") == 2
+    assert "is a file, but must be the folder" in " ".join(capsys.readouterr().err.split())
+    with raises_code(InputError, "report.no_folder"):
+        issue.issue_certificate(ignore_progress, replace(request, out=gimbal.folder / "unmounted"))
 
 
 def test_result_requires_its_own_log(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:

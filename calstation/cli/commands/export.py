@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from calstation.cli.options import command_group
+from calstation.cli.options import command_group, output_file
 from calstation.cli.show import ignore_progress, plain_console, show_line
 from calstation.cli.text import say
 from calstation.errors import ConfigurationError
@@ -17,7 +17,7 @@ app = command_group()
 @app.command()
 def export(
     source: Annotated[Path, typer.Argument(metavar="RESULT.json|LOG|RUNS")],
-    out: Annotated[Path, typer.Option("-o", "--out")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", parser=output_file)],
     to: Annotated[str | None, typer.Option("--to", metavar="FORMAT")] = None,
     log: Annotated[Path | None, typer.Option("--log", metavar="LOG")] = None,
     allow_loss: Annotated[bool, typer.Option("--allow-loss")] = False,

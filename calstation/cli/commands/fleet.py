@@ -15,7 +15,14 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from calstation.cli.options import JsonOption, ParametersOnlyOption, StagesOption, command_group, parsed_stages
+from calstation.cli.options import (
+    JsonOption,
+    ParametersOnlyOption,
+    StagesOption,
+    command_group,
+    output_file,
+    parsed_stages,
+)
 from calstation.cli.show import emit_json, job_progress, new_table, plain_console, show_line
 from calstation.cli.text import say
 from calstation.fleet import (
@@ -172,7 +179,7 @@ def compare(database: DatabaseOption, before: VersionOption, after: VersionOptio
 def export(
     database: DatabaseOption,
     version: VersionOption,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE.parquet")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE.parquet", parser=output_file)],
 ) -> None:
     """Write the solutions of a version to a Parquet file, which DuckDB, pandas and other programs can read."""
     with job_progress(say("cli.reading_solutions")) as progress:

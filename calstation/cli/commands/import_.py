@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from calstation.cli.commands.check import show_recording
-from calstation.cli.options import StationOption, by_name, command_group
+from calstation.cli.options import StationOption, by_name, command_group, output_file
 from calstation.cli.show import plain_console, show_line
 from calstation.cli.text import say
 from calstation.errors import ConfigurationError
@@ -19,7 +19,7 @@ app = command_group()
 @app.command()
 def import_(
     source: Annotated[Path, typer.Argument(metavar="FILE")],
-    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="LOG")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="LOG", parser=output_file)] = None,
     meta: Annotated[Path | None, typer.Option("--meta", "--map")] = None,
     imu: Annotated[Path | None, typer.Option(callback=by_name("imus"))] = None,
     station: StationOption = None,
