@@ -324,8 +324,8 @@ class _Document:
             "text": self._say(Text(code)) if known(code) else "",
             "minutes": rounded((end - begin) / 60.0, 0.11) if math.isfinite(end) else NONE,
             "estimates": str(len(names | {q.name for q in self._certificate.quantities if q.stage == stage})),
-            "nis": f"{consistency.nis_mean:.3g}" if consistency is not None and tested else NONE,
-            "band": f"{consistency.nis_low:.2g} … {consistency.nis_high:.3g}"
+            "nis": f"{consistency.nis_mean:.2f}" if consistency is not None and tested else NONE,
+            "band": f"{consistency.nis_low:.2f} … {consistency.nis_high:.2f}"
             if consistency is not None and tested
             else NONE,
             "schedule": [

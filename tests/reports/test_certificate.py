@@ -304,6 +304,31 @@ def test_dates_on_the_first_page_are_in_utc(made: Made, language: Language, labe
         assert f"{label}{made.certificate.issued}(UTC)" in page
 
 
+@pytest.mark.parametrize(
+    ("language", "heading", "words"),
+    [
+        ("en", "Valuesandtheirlimits", "Red:requirementnotmet.Triangle:"),
+        ("zh_CN", "数值与限差", "红色表示不符合要求，三角形"),
+    ],
+)
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_chart_of_the_limits_explains_its_signs(made: Made, language: Language, heading: str, words: str) -> None:
+    (page,) = [page for page in typeset_pages(made, language) if words in page]
+    assert heading in page
+
+
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_nis_and_its_band_have_equal_numbers_of_decimals(made: Made) -> None:
+    result = made.certificate.result
+    stages = {
+        name: each.model_copy(update={"nis_low": 2.7, "nis_high": 3.468}) for name, each in result.consistency.items()
+    }
+    changed = replace(made.certificate, result=result.model_copy(update={"consistency": stages}))
+    (stage, *_) = document(changed, made.analysis, "en")["stages"]
+    assert stage["band"] == "2.70 … 3.47"
+    assert re.fullmatch(r"\d+\.\d\d", stage["nis"])
+
+
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
 def test_turn_on_to_turn_on_change_is_taken_from_the_imu_profile(made: Made) -> None:
     meta = made.certificate.meta
