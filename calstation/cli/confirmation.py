@@ -6,6 +6,7 @@ import typer
 
 from calstation.cli.text import say
 from calstation.config import Person, can_confirm_identity, computer_user, load_station
+from calstation.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from calstation.runs import RunStart
@@ -22,6 +23,7 @@ def ask_people(
     """Return the acting person, and the confirming person or None.
 
     Named persons must enter their PIN; the default person must do so only if `pin` is set or a second person confirms.
+    Raises ConfigurationError if both are the same person.
 
     Parameters
     ----------
@@ -29,6 +31,8 @@ def ask_people(
     default : badge or name of the acting person by default
     pin : whether `default` must always enter a PIN
     """
+    if confirmed_by is not None and Person(confirmed_by).badge == Person(by or default).badge:
+        raise ConfigurationError("confirmation.same_person", badge=confirmed_by)
     first = ask_person(by or default, pin=pin or bool(by) or confirmed_by is not None)
     return first, None if confirmed_by is None else ask_person(confirmed_by)
 

@@ -26,9 +26,15 @@ def answers(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     return replies
 
 
-def test_unit_is_released_by_two_engineers(calstation, answers: dict[str, str], failed: Path) -> None:
+def test_unit_is_released_by_two_engineers(
+    calstation, answers: dict[str, str], failed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     alone = calstation("override", failed, "--reason", "scratch", "--by", "B0001")
     assert (alone.code, "a second engineer confirms this" in alone.err) == (2, True)
+    with monkeypatch.context() as patch:
+        patch.setattr(typer, "prompt", lambda *_, **__: pytest.fail("a PIN was asked"))
+        same = calstation("override", failed, "--reason", "scratch", "--by", "B0001", "--confirmed-by", "B0001")
+    assert (same.code, "B0001" in same.err) == (2, True)
     done = calstation("override", failed, "--reason", "scratch", "--by", "B0001", "--confirmed-by", "B0002")
     assert (done.code, done.out.strip()) == (0, f"{failed}: FAIL, released by Li Na (B0001), B0002.")
     assert "scratch" in calstation("audit", "--event", "override").out
