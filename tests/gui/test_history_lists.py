@@ -199,6 +199,11 @@ def test_selected_runs_are_compared_side_by_side(page: HistoryPage, runs: dict[s
         [pytest.approx(value)] for value in (0.5 / 3.0, 5.0 / 3.0, 1.0 / 3.0)
     ]
     assert len({item.opts["symbol"] for item in symbols}) == 3
+    for code, caption in (("en", "value relative to its limits; bars: ± 1 σ"), ("zh_CN", "误差棒：± 1 σ")):
+        language.use(code)
+        plot.draw()
+        assert caption in plot.getAxis("bottom").labelText
+    language.use("en")
     qtbot.mouseClick(button(page, "comparison_back_button"), Qt.MouseButton.LeftButton)
     assert page.table.isVisible()
     assert len(page.table.selected_runs) == 3
@@ -328,6 +333,17 @@ def test_a_failed_export_is_reported(page: HistoryPage, runs: dict[str, Path], t
     save_as(page, tmp_path / "missing" / "runs.csv", qtbot)
     assert page.notice.title_label.text() == "The export failed"
     assert "cannot be written" in page.notice.text_label.text()
+
+
+def test_details_are_those_of_a_selected_run(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+    listed_runs(page, qtbot)
+    select_row(page, 1, qtbot)
+    ctrl_click(page, 3, qtbot)
+    third = page.table.runs[3]
+    for row in (1, 3):  # the last selected row cannot be deselected
+        ctrl_click(page, row, qtbot)
+        qtbot.waitUntil(lambda: (page.table.selected_runs, page.table.run) == ((third,), third), timeout=WAIT)
+        assert page.details._serial.text() == third.serial
 
 
 def test_selection_is_kept_when_the_list_is_updated(

@@ -11,6 +11,7 @@ from PySide6.QtCore import (
     QModelIndex,
     QPersistentModelIndex,
     Qt,
+    QTimer,
     Signal,
 )
 from PySide6.QtGui import QColor, QIcon, QResizeEvent
@@ -194,6 +195,9 @@ class RunTable(QTableView):
         header.setResizeContentsPrecision(0)  # only visible rows determine the widths of the columns
         self.selectionModel().currentRowChanged.connect(self._row_changed)
         self.selectionModel().selectionChanged.connect(lambda *_: self.selection_changed.emit())
+        self._current_timer = QTimer(self, singleShot=True, interval=0)
+        self._current_timer.timeout.connect(self._select_current)
+        self.selectionModel().selectionChanged.connect(lambda *_: self._current_timer.start())
         on_language_change(self, self._refresh)
 
     @property
@@ -280,6 +284,17 @@ class RunTable(QTableView):
             selected.select(model.index(number, 0), model.index(number, _STAGES))
         self.selectionModel().setCurrentIndex(model.index(current, _OUTCOME), flag.NoUpdate)
         self.selectionModel().select(selected, flag.ClearAndSelect)
+
+    def _select_current(self) -> None:
+        """After a row has been deselected, make a selected row the current one, or select the current one again."""
+        selection, flag = self.selectionModel(), QItemSelectionModel.SelectionFlag
+        current, selected = selection.currentIndex(), selection.selectedRows(_OUTCOME)
+        if not current.isValid() or selection.isRowSelected(current.row()):
+            return
+        if selected:
+            selection.setCurrentIndex(selected[0], flag.NoUpdate)
+        else:
+            selection.select(current, flag.Select | flag.Rows)
 
     def _row_changed(self, current: QModelIndex) -> None:
         if current.isValid():
