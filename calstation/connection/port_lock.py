@@ -11,16 +11,17 @@ import os
 import signal
 import socket
 import sys
-from collections.abc import Iterable, Iterator
+import threading
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from urllib.parse import quote, urlsplit
 
-from calstation.config import StationConfig, computer_user
+from calstation.config import StationConfig, computer_user, load_station
 from calstation.devices.links import list_serial_ports, port_device
-from calstation.errors import DeviceFaultError
+from calstation.errors import CalstationError, DeviceFaultError
 from calstation.messages import os_reason
 from calstation.parsing import parse_json
 from calstation.records import acquire_lock, is_locked
@@ -69,12 +70,20 @@ class PortOwner:
         return False
 
 
-def station_owner(station: StationConfig) -> PortOwner | None:
-    """Return the process that uses a device of a station, or None; a name of a host may take seconds to resolve."""
-    sections = (station.table, station.chamber, station.imu, *station.slots, *station.secondaries.values())
-    ports = (section.port for section in sections if section is not None and section.port)
-    files = {_lock_file(device): None for port in ports for device in _devices(port)}
-    return next(filter(None, map(_owner_of, files)), None)
+def find_station_owner(path: Path | None, done: Callable[[Path | None, PortOwner | None], None]) -> None:
+    """Find the process that uses a device of a station file, in a thread that calls `done(path, owner)`.
+
+    The name of a host may take seconds to resolve. A virtual bench and an invalid station have no owner.
+    """
+
+    def find() -> None:
+        owner = None
+        with suppress(CalstationError):
+            _, station = load_station(path)
+            owner = None if station.bench is not None else station_owner(station)
+        done(path, owner)
+
+    threading.Thread(target=find, daemon=True).start()
 
 
 @contextmanager
@@ -135,6 +144,14 @@ def _in_use_fault(port: str, path: Path) -> DeviceFaultError:
     if owner is None:
         return DeviceFaultError("connection.port_in_use_unknown", port=port)
     return DeviceFaultError("connection.port_in_use", port=port, pid=owner.pid, user=owner.user, since=owner.since)
+
+
+def station_owner(station: StationConfig) -> PortOwner | None:
+    """Return the process that uses a device of a station, or None."""
+    sections = (station.table, station.chamber, station.imu, *station.slots, *station.secondaries.values())
+    ports = (section.port for section in sections if section is not None and section.port)
+    files = {_lock_file(device): None for port in ports for device in _devices(port)}
+    return next(filter(None, map(_owner_of, files)), None)
 
 
 def _owner_of(path: Path) -> PortOwner | None:

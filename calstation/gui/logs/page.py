@@ -331,8 +331,9 @@ class OfflinePage(Page):
         label = log.step_labels.get(step)
         code = "logs.step_with_move" if label else "logs.step"
         move = say(code, number=step, move=step_sentence("move", label or ()))
-        use = next((f"logs.{kind}" for kind in ("paused", "invalid") if getattr(log, kind).contains(seq)), "")
-        parts = time, say("logs.sample", seq=seq), stage, move if step else "", say(use) if use else ""
+        unused = (log.paused, "logs.paused"), (log.invalid, "logs.invalid")
+        use = next((say(words) for ranges, words in unused if ranges.contains(seq)), "")
+        parts = time, say("logs.sample", seq=seq), stage, move if step else "", use
         self._pointer.setText("   ".join(filter(None, parts)))
 
     # ---- texts and enabled controls

@@ -1,15 +1,12 @@
 """The watch on the ports of the station, which another program of this computer may use."""
 
 import os
-import threading
 from contextlib import suppress
 from pathlib import Path
 
 from PySide6.QtCore import QObject, QTimer, Signal
 
-from calstation.config import load_station
-from calstation.connection import PortOwner, station_owner
-from calstation.errors import CalstationError
+from calstation.connection import PortOwner, find_station_owner
 from calstation.gui.state.run_status import RunStatus
 from calstation.messages import Text
 
@@ -47,16 +44,11 @@ class PortWatch(QObject):
         self._timer.stop()
 
     def _look(self) -> None:
-        """Read the locks in a thread, because the name of a host may take seconds to resolve."""
         if not (self._reading or self._run.in_progress):
             self._reading = True
-            threading.Thread(target=self._read_owner, args=(self._station,), daemon=True).start()
+            find_station_owner(self._station, self._pass_on)
 
-    def _read_owner(self, path: Path | None) -> None:
-        owner = None
-        with suppress(CalstationError):  # the operator page and the station page show the error
-            _, station = load_station(path)
-            owner = None if station.bench is not None else station_owner(station)
+    def _pass_on(self, path: Path | None, owner: PortOwner | None) -> None:
         with suppress(RuntimeError):  # the window has been destroyed
             self._read.emit(path, owner)
 
