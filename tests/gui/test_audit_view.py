@@ -72,7 +72,7 @@ def test_events_are_listed_and_filtered(page: HistoryPage, trail: Path, qtbot: Q
     kinds.setCurrentIndex(kinds.findData("pin_set"))
     assert events(table) == ["PIN set"]
     language.use("zh_CN")
-    assert events(table) == ["设置密码"]
+    assert events(table) == ["设置 PIN 码"]
     qtbot.mouseClick(button(page, "audit_back_button"), Qt.MouseButton.LeftButton)
     assert not table.isVisible()
 
@@ -94,7 +94,7 @@ def test_one_person_with_badge_and_name_is_one_entry_of_the_filter(
     ("code", "person", "hint"),
     [
         ("en", "Dr A. Li (not authenticated)", "No personal PIN proved who acted"),
-        ("zh_CN", "Dr A. Li（身份未验证）", "未经个人密码验证身份"),
+        ("zh_CN", "Dr A. Li（身份未验证）", "未经个人 PIN 码验证身份"),
     ],
 )
 def test_name_without_a_pin_is_marked(
