@@ -10,6 +10,7 @@ from tests.messages.test_codes import all_entries
 WRONG = [
     ("本机不?输出|采集本机", ""),  # 本机 is this computer, and 产品 the unit
     ("^重做这一步", ""),  # an instruction, where an event in the past is described
+    ("寄存器.*(核对|校验)|读核对|效果未能核对", "[Vv]erified"),
     ("限值", r"limits? (of the product|from)|sigmas?.* limit"),
     ("密码", r"\bPINs?\b"),
     ("[\u4e00-\u9fff] ?PIN(?! 码)", ""),
