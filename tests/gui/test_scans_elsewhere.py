@@ -112,6 +112,21 @@ def test_scan_during_a_run_is_refused_with_a_sentence_and_a_sound(
         assert (edit.text(), sounds) == (before, ["refused"])
 
 
+@pytest.mark.parametrize(
+    ("language", "remedy"),
+    [
+        ("en", "scan a badge or the next unit when it has ended."),
+        ("zh_CN", "请等它结束后再扫描工牌或下一台产品。"),
+    ],
+)
+def test_scan_during_a_run_says_when_somebody_can_sign_in(operator: Operator, language: str, remedy: str) -> None:
+    operator.site_folder.write(station={"sign_in": {"badge_pattern": r"B\d{4}"}})
+    operator.window.app.set_station(operator.site_folder.station)
+    operator.window.app.set_language(language)
+    operator.window.operator_page.header.scan_refused.emit()
+    assert remedy in operator.says()
+
+
 def test_scans_set_no_pin(operator: Operator) -> None:
     operator.window.app.role.ask()
     person = operator.widget("role_person_edit", QLineEdit)

@@ -273,7 +273,8 @@ class RunStarter(QObject):
     def _refuse_scan(self) -> None:
         """Say that a scan during a run was not taken."""
         self._signal(accepted=False)
-        ask(self._notice, "bad", Text("question.scan_during_run"), {})
+        badges = self._header.badge_field.section is not None
+        ask(self._notice, "bad", Text("question.badge_scan_during_run" if badges else "question.scan_during_run"), {})
         self._refused_shown.start()
 
     def _end_refusal(self) -> None:
