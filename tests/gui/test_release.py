@@ -110,8 +110,13 @@ def test_a_release_can_be_cancelled(operator: Operator, failed: Path) -> None:
     before = failed.read_bytes()
     open_history(operator)
     open_panel(operator, "history_release")
-    fill(operator, "history_release", reason="label scratched", badge="B0001", pin="111111")
+    people = {"badge": "B0001", "pin": "111111", "second_badge": "B0002", "second_pin": "111111"}
+    fill(operator, "history_release", reason="label scratched", **people)
+    operator.press("history_release_confirm_button")
+    error = operator.widget("history_release_error_label", QLabel)
+    operator.until(lambda: "The PIN of B0002 is wrong." in error.text())
     operator.press("history_release_cancel_button")
+    assert error.text() == ""
     assert not operator.widget("history_release_panel").isVisible()
     open_panel(operator, "history_release")
     assert operator.widget("history_release_pin_edit", QLineEdit).text() == ""

@@ -110,6 +110,7 @@ class RegistersView(QWidget):
 
     def _lay_out(self) -> None:
         self._job, self._notice, self._people = JobRow(self.watch), NoticeBar(), PeoplePanel("registers")
+        self._people.cancelled.connect(lambda: self._show_error(""))
         self._empty = EmptyState(title="engineer.registers", text="engineer.about_registers")
         self._badge, self._about = StateBadge(), label(wrap=True)
         self._reason = label(kind="muted", name="write_reason_label", wrap=True)
@@ -198,11 +199,10 @@ class RegistersView(QWidget):
     def _confirm(self, operation: RegisterOperation) -> None:
         """Start an operation, if the product requires it after the confirmation by two engineers."""
         try:
-            product, station = self._files()
+            needed = confirmation_required("registers", *self._files())
         except CalstationError as error:
             self._show_failure(error)
             return
-        needed = confirmation_required("registers", product, station)
         if not needed.second:
             self._start(replace(operation, people=self._app.author))
             return

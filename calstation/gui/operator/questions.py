@@ -192,6 +192,7 @@ class StartDialog:
     def __init__(self, app: AppContext, notice: NoticeBar, panel: str, cancelled: Callable[[], None]) -> None:
         self._app, self._notice, self._cancelled = app, notice, cancelled
         self.people = PeoplePanel(panel)
+        self.people.cancelled.connect(notice.dismiss)
 
     def begin(self, request: RunRequest) -> None:
         """Ask the questions about a requested run, then start it or show why it cannot start."""

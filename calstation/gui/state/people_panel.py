@@ -23,6 +23,7 @@ class PeoplePanel(QFrame):
     """A panel that `ask` shows; the caller hides it after the action, or calls `retry` for another attempt."""
 
     open_changed = Signal(bool)  #: Emitted with True when the panel opens, and with False when it closes.
+    cancelled = Signal()  #: Emitted when a person cancels, after which no refusal of the action need be shown.
 
     def __init__(self, name: str) -> None:
         super().__init__()
@@ -50,7 +51,7 @@ class PeoplePanel(QFrame):
             self._captions.append(caption)
             self._edits.append(edit)
         self._confirm_button = button(f"{name}_confirm_button", "window.confirm", self._confirm)
-        cancel = button(f"{name}_cancel_button", "common.cancel", self.hide)
+        cancel = button(f"{name}_cancel_button", "common.cancel", self._cancel)
         column(
             self._title,
             self._note,
@@ -129,6 +130,10 @@ class PeoplePanel(QFrame):
             second = None if self._edits[3].isHidden() else Person(second_badge.strip(), second_pin)
             self._confirmed(reason.strip(), Person(badge.strip(), pin), second)
 
+    def _cancel(self) -> None:
+        self.hide()
+        self.cancelled.emit()
+
     def _refresh(self) -> None:
         enable(self._confirm_button, say("window.fill_in") if self._missing() else "")
 
@@ -157,6 +162,7 @@ class ReleaseBar(QWidget):
         self._error = label(kind="error", name=f"{name}_error_label", wrap=True)
         self._button = button(f"{name}_button", "window.release_button", self._ask, tip="window.release_tip")
         self.open_changed.connect(lambda asking: self._button.setVisible(not asking))
+        self._panel.cancelled.connect(lambda: show_text(self._error, ""))
         column(row(self._button, None), self._panel, self._error, on=self)
         self.hide()
 
