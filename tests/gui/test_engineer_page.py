@@ -892,6 +892,30 @@ def test_value_of_the_current_calibration_has_limits_but_is_not_judged(
     assert y["hint"] != x["hint"]
 
 
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_long_verdict_on_a_repeated_solution_leaves_room_for_the_parameters(
+    app: AppContext, qtbot: QtBot, code: str
+) -> None:
+    language.use(code)
+    names = ("gyro_bias", "gyro_scale", "accel_bias", "accel_scale")
+    row = {"value": 3.0e-6, "sigma": 3.0e-7, "unit": "rad/s", "stage": "azimuth_flip"}
+    kinds = ("gravity_at_rest", "improvement_at_rest", "improvement_at_rest_floor")
+    failed = [check_row(kind, "", 2.0, 1.0, passed=False) for kind in kinds]
+    passed = [check_row("sigma_below", f"{name}_x", 1.0, 2.0, passed=True) for name in names]
+    states = {"outcome": "resolved", "passed": False, "states_added": ["accel_cubic"], "product": "Navigation grade A"}
+    view = ResultView(JobWatch(app, Job), ReleaseBar(app, "release"))
+    qtbot.addWidget(view)
+    parameters = {f"{name}_{axis}": row for name in names for axis in "xyz"}
+    view.show_run(finished_run(parameters, checks=[*failed, *passed], **states))
+    view.resize(950, 505)  # beside the stages in a window of 1366 x 768
+    view.show()
+    assert view.minimumSizeHint().width() <= 950
+    badge, table = view.findChild(StateBadge, "result_badge"), view.findChild(CellTable, "result_table")
+    assert view._summary.width() == badge.parentWidget().width() == 950
+    assert badge.width() >= 500
+    assert table.viewport().height() >= 5 * table.rowHeight(0)
+
+
 def test_columns_without_enough_room_elide_headings_but_no_numbers(qtbot: QtBot) -> None:
     stages = [Cell(lambda: "stage with a very long name", f"after_{k}") for k in range(4)]
     table = CellTable("table", columns=(*stages, Cell("engineer.expected", "verdict", number=False, state="state")))

@@ -113,14 +113,15 @@ class ResultView(QWidget):
         self.release = release
         self.finished: FinishedRun | None = None
         self.missing = MissingEffect(adding, "add_state_button")
-        self._badge = StateBadge(theme.SECTION)
+        self._badge = StateBadge(theme.SECTION, "result_badge", elided=True)
         self._summary, self._note = label(wrap=True), label(wrap=True, name="override_note")
         self._table = CellTable("result_table", "engineer.run_parameters", _COLUMNS, grouped=True)
         self._checks = ChecksTable()
         self._checks.setObjectName("acceptance_checks")
         copy = button("copy_button", "common.copy_table", self._table.copy, tip="engineer.copy_table_tip")
         column(
-            row(self._badge, (self._summary, 1), copy, spacing=2 * theme.GRID),
+            row(self._badge, None, copy, spacing=2 * theme.GRID),
+            self._summary,
             self._note,
             release,
             (self._table, 2),
