@@ -916,6 +916,26 @@ def test_long_verdict_on_a_repeated_solution_leaves_room_for_the_parameters(
     assert table.viewport().height() >= 5 * table.rowHeight(0)
 
 
+@pytest.mark.parametrize(
+    ("code", "count", "tip"),
+    [
+        ("en", "near-misses: 1", "Gyro bias x within its limit: 2.888 °/h, allowed ±3.1 °/h"),
+        ("zh_CN", "临界 1 项", "陀螺零偏 x在限差内：2.888 °/h，限差 ±3.1 °/h"),
+    ],
+)
+def test_near_miss_is_named_in_the_tooltip_of_the_summary(
+    app: AppContext, qtbot: QtBot, code: str, count: str, tip: str
+) -> None:
+    language.use(code)
+    near = Check.compare("within", 1.4e-5, (-1.5e-5, 1.5e-5), "rad/s", subject="gyro_bias_x")
+    far = Check.compare("within", 1.0e-6, (-1.5e-5, 1.5e-5), "rad/s", subject="gyro_bias_y")
+    view = ResultView(JobWatch(app, Job), ReleaseBar(app, "release"))
+    qtbot.addWidget(view)
+    view.show_run(finished_run({}, passed=True, checks=[near.to_json(), far.to_json()]))
+    assert count in view._summary.text()
+    assert view._summary.toolTip().replace("\u00a0", " ") == tip
+
+
 def test_columns_without_enough_room_elide_headings_but_no_numbers(qtbot: QtBot) -> None:
     stages = [Cell(lambda: "stage with a very long name", f"after_{k}") for k in range(4)]
     table = CellTable("table", columns=(*stages, Cell("engineer.expected", "verdict", number=False, state="state")))

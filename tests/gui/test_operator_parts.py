@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from PySide6.QtWidgets import QApplication, QLabel
 from pytestqt.qtbot import QtBot
 
+from calstation.gui.logs.comparison import Comparison
 from calstation.gui.operator import FiguresTable, advice
 from calstation.gui.operator.live.convergence import Convergence
 from calstation.gui.operator.live.table_panel import TablePanel
@@ -19,6 +21,7 @@ from calstation.gui.text import check_text, language, say
 from calstation.gui.widgets import NumberAxis, spread, theme
 from calstation.judgement import Check
 from calstation.messages import Language
+from calstation.results import Resolved
 from calstation.runs import RunSummary
 from calstation.sequencer import Message, TableMoved, Trace
 from tests.check_rows import check_row
@@ -388,3 +391,35 @@ def test_alarm_of_a_control_chart_is_a_remark_of_the_unit() -> None:
     unit, values = UnitStatus("SN-000042"), {"quantities": ["orthogonality"]}
     unit.handle_event(Message("table_moved", values))
     assert unit.remarks == [("table_moved", values)]
+
+
+@pytest.mark.parametrize(
+    ("code", "names", "tip"),
+    [
+        (
+            "en",
+            "Failed checks: accel scale factor x, gyro bias x, gyro scale factor x and 1 more",
+            "Gyro bias x within its limit: 4.125 °/h, allowed ±3.1 °/h",
+        ),
+        (
+            "zh_CN",
+            "未通过的检查：加表刻度系数 x、陀螺零偏 x、陀螺刻度系数 x，另有 1 项",
+            "陀螺零偏 x在限差内：4.125 °/h，限差 ±3.1 °/h",
+        ),
+    ],
+)
+def test_failed_checks_of_an_offline_result_are_named(qtbot: QtBot, code: Language, names: str, tip: str) -> None:
+    language.use(code)
+    limits = {"gyro_bias_x": (2e-5, 1.5e-5), "gyro_scale_x": (1.2e-3, 1e-3), "gyro_scale_y": (1.1e-3, 1e-3)}
+    limits["accel_scale_x"] = (2e-3, 1e-3)
+    checks = [check_row("within", name, value, [-end, end], passed=False) for name, (value, end) in limits.items()]
+    result = result_with(outcome="resolved", passed=False, checks=checks)
+    comparison = Comparison()
+    qtbot.addWidget(comparison)
+    comparison._log_index = SimpleNamespace(facts=result.log, outcome=None, meta=SimpleNamespace(run=None))
+    comparison.show_solved(Resolved(result, ()))
+    assert names in comparison.note_label.text().replace("\u00a0", " ")
+    shown = [line.replace("\u00a0", " ") for line in comparison.offline_badge.toolTip().splitlines()]
+    assert len(shown) == 4
+    assert tip in shown[1]
+    language.use("en")

@@ -8,6 +8,7 @@ from calstation.gui.operator import advice
 from calstation.gui.state import ReleaseBar
 from calstation.gui.text import (
     KINDS,
+    checks_tip,
     is_parameter_check,
     on_language_change,
     product_text,
@@ -27,6 +28,7 @@ from calstation.gui.widgets import (
     column,
     label,
     ordered,
+    plain_tip,
     row,
     set_subject,
     show_text,
@@ -181,6 +183,8 @@ class ResultView(QWidget):
         if finished.previous_utc:
             texts.append(say("engineer.compared_with", time=local_time(finished.previous_utc)))
         self._summary.setText("  ·  ".join(texts))
+        notable = [check for check in result.checks if check.near_miss or not check.passed]
+        self._summary.setToolTip(plain_tip(checks_tip(notable)))
         notes = advice.result_notes(result)
         if result.passed and result.unjudged:
             notes.insert(0, say("advice.not_judged", names=result.unjudged))

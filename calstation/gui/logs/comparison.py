@@ -6,7 +6,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QWidget
 
 from calstation.errors import InputError
-from calstation.gui.text import KINDS, on_language_change, say
+from calstation.gui.text import KINDS, check_names, checks_tip, on_language_change, say
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
     ComparisonTable,
@@ -17,6 +17,7 @@ from calstation.gui.widgets import (
     column,
     grid,
     label,
+    plain_tip,
     show_text,
     theme,
 )
@@ -109,6 +110,9 @@ class Comparison(QWidget):
         else:
             self.offline_badge.show_state(*self._offline_verdict(self._solved.result))
             notes = self._notes(self._solved, self._log_index)
+        failed = [] if self._solved is None else self._solved.result.failed_checks
+        for widget in (self.offline_badge, self.note_label):
+            widget.setToolTip(plain_tip(checks_tip(failed)))
         show_text(self.note_label, "\n".join(notes))
         for widget in (self._difference_head, self.difference_badge):
             widget.setVisible(bool(self._in_sigma) and not self._outdated)
@@ -156,6 +160,8 @@ class Comparison(QWidget):
         result, facts = solved.result, log_index.facts
         first, last = result.log.first_seq, result.log.last_seq
         notes = _worst_note(result)
+        if result.passed is False:
+            notes.append(say("logs.failed_checks", names=check_names(result.failed_checks)))
         if (first, last) != (facts.first_seq, facts.last_seq):
             notes.append(say("logs.part_of_log", first=first, last=last))
         if self._online is not None and self._online.stages not in ([], result.stages):

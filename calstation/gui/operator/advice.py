@@ -1,6 +1,5 @@
 """Explanation of a result for operators: the reason, the next action, and the values outside or near their limits."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,10 +8,12 @@ from calstation.errors import CalstationError
 from calstation.gui.text import (
     about,
     check_name,
+    check_names,
     check_text,
     is_parameter_check,
     is_product_check,
     language,
+    limit_ratio,
     limit_text,
     parameter_text,
     rendered,
@@ -28,8 +29,6 @@ from calstation.results import Parameter, Result
 
 #: Maximum number of figures below the verdict on a small screen, without and with a long reason.
 _MAX_FIGURES, _MAX_BELOW_REASON = 9, 7
-#: Maximum number of failed checks in a headline.
-_MAX_NAMES = 3
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str
     if not failed or result is None:
         return say("advice.no_stage")
     tests = [check for check in failed if check.diagnosis is not None]
-    first = failed_check_text(tests[0] if tests else max(failed, key=_ratio), result)
+    first = failed_check_text(tests[0] if tests else max(failed, key=limit_ratio), result)
     first = first[0].upper() + first[1:]
     if result.lacks_calibration:
         first = joined(say("advice.uncalibrated", stages=result.stages), first, language.current())
@@ -134,17 +133,7 @@ def brief_reason(outcome: str, result: Result | None) -> str:
 
 def failed_names(result: Result) -> str:
     """Return the names of up to three failed checks, those furthest outside their limits, and the number of others."""
-    failed = sorted((check for check in result.failed_checks), key=_ratio, reverse=True)
-    names = list(dict.fromkeys(_brief_name(check) for check in failed))
-    text = say("common.comma").join(names[:_MAX_NAMES])
-    return text if len(names) <= _MAX_NAMES else say("advice.and_more", names=text, more=len(names) - _MAX_NAMES)
-
-
-def _brief_name(check: Check) -> str:
-    """Return the name of a check, or the parameter that it compares, followed by σ for its sigma."""
-    if not is_parameter_check(check):
-        return check_name(check)
-    return f"{parameter_text(check.subject)}{' σ' if check.kind == 'sigma_below' else ''}"
+    return check_names(result.failed_checks)
 
 
 def brief_action(outcome: str, result: Result | None) -> str:
@@ -186,7 +175,7 @@ def figures(result: Result) -> list[Figure]:
         if name not in INDEX:
             continue
         within, below = checks.get(("within", name)), checks.get(("sigma_below", name))
-        ratio = max(_ratio(within), _ratio(below))
+        ratio = max(limit_ratio(within), limit_ratio(below))
         group = PARAMETERS[INDEX[name]].group
         if any(check is not None and not check.passed for check in (within, below)):
             if judged:
@@ -205,7 +194,7 @@ def figures(result: Result) -> list[Figure]:
         if check.passed:
             rows.append(figure)
         else:
-            failing.append((_ratio(check), figure))
+            failing.append((limit_ratio(check), figure))
     maximum = _MAX_BELOW_REASON if failing else _MAX_FIGURES
     failed = [figure for _, figure in sorted(failing, key=lambda item: -item[0])][:maximum]
     order = sorted(range(len(rows)), key=lambda k: (not rows[k].near, k >= len(parameters)))
@@ -245,31 +234,20 @@ def _near(checks: Sequence[Check], *, brief: bool = False) -> str:
     near = [check for check in checks if check.near_miss]
     if not near:
         return ""
-    nearest = max(near, key=_ratio)
+    nearest = max(near, key=limit_ratio)
     name = parameter_text(nearest.subject) if is_parameter_check(nearest) else check_name(nearest)
-    more, values = len(near) - 1, {"percent": int(100.0 * _ratio(nearest)), "limit": limit_text(nearest)}
+    more, values = len(near) - 1, {"percent": int(100.0 * limit_ratio(nearest)), "limit": limit_text(nearest)}
     if brief:
         names = say("advice.and_more", names=name, more=more) if more else name
         return say("advice.near_brief", names=names, **values)
     return say("advice.near_more" if more else "advice.near", name=name, more=more, **values)
 
 
-def _ratio(check: Check | None) -> float:
-    """Return the ratio of the value of a check to its limit, or 0 without a value."""
-    if check is None or math.isnan(check.value):
-        return 0.0
-    limit = check.compared_with
-    if isinstance(limit, tuple):
-        low, high = limit
-        return float(abs(check.value - 0.5 * (low + high)) / (0.5 * (high - low))) if low < high else math.inf
-    return check.value / limit if limit else 0.0
-
-
 def _figure(name: str, row: Parameter, within: Check | None, below: Check | None) -> Figure:
     """Return the figure of a parameter from the checks of its value and its sigma."""
     (value, unit), (sigma, _), size = display(name, row.value), display(name, row.sigma), unit_of_parameter(name)[1]
     limits = [None if check is None else check.compared_with for check in (within, below)]
-    by_sigma = _ratio(below) > _ratio(within)
+    by_sigma = limit_ratio(below) > limit_ratio(within)
     limit = "" if within is None else check_text(within).limit
     if by_sigma and below is not None:
         limit = f"σ {check_text(below).limit}"

@@ -3,9 +3,12 @@
 from calstation.gui.text import language
 from calstation.gui.text.checks import (
     check_name,
+    check_names,
     check_text,
+    checks_tip,
     is_parameter_check,
     is_product_check,
+    limit_ratio,
     limit_text,
     parameter_text,
 )

@@ -1,6 +1,7 @@
 """Texts about the checks of a result in the current language."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from decimal import Decimal
 
@@ -37,6 +38,8 @@ _PRODUCT_KINDS = (
     "previous",
 )
 
+#: Maximum number of names of checks in a line.
+_MAX_NAMES = 3
 #: Smallest and largest value that is shown as a number.
 _SMALLEST, _LARGEST = 1e-6, 1e9
 
@@ -105,6 +108,43 @@ def limit_text(*checks: Check) -> Text:
     """Return the name of the limit of checks: the acceptance limit if the decision rule narrowed that of any."""
     guarded = any(check.acceptance is not None for check in checks)
     return Text("common.acceptance_limit_column" if guarded else "common.limit_column")
+
+
+def limit_ratio(check: Check | None) -> float:
+    """Return the ratio of the value of a check to its limit, or 0 without a value."""
+    if check is None or math.isnan(check.value):
+        return 0.0
+    limit = check.compared_with
+    if isinstance(limit, tuple):
+        low, high = limit
+        return float(abs(check.value - 0.5 * (low + high)) / (0.5 * (high - low))) if low < high else math.inf
+    return check.value / limit if limit else 0.0
+
+
+def check_names(checks: Iterable[Check]) -> str:
+    """Return the names of up to three checks, those nearest to or furthest outside their limits, and the rest's number.
+
+    A check of a parameter has its name, followed by σ for its sigma.
+    """
+    names = list(dict.fromkeys(map(_brief_name, sorted(checks, key=limit_ratio, reverse=True))))
+    text = say("common.comma").join(names[:_MAX_NAMES])
+    return text if len(names) <= _MAX_NAMES else say("advice.and_more", names=text, more=len(names) - _MAX_NAMES)
+
+
+def checks_tip(checks: Iterable[Check]) -> str:
+    """Return a line for each check with its value and limit, for a tooltip."""
+    lines = []
+    for check in sorted(checks, key=limit_ratio, reverse=True):
+        row = check_text(check)
+        value, limit = (f"{number} {row.unit}".rstrip() for number in (row.value, row.limit))
+        lines.append(say("common.compared", name=row.sentence, value=value, limit=limit))
+    return "\n".join(lines)
+
+
+def _brief_name(check: Check) -> str:
+    if not is_parameter_check(check):
+        return check_name(check)
+    return f"{parameter_text(check.subject)}{' σ' if check.kind == 'sigma_below' else ''}"
 
 
 def _guard(check: Check, unit: str, size: float) -> str:

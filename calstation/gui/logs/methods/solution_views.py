@@ -10,7 +10,7 @@ from calstation.gui.logs.methods.pair_view import PairCheckView, PairResidualsVi
 from calstation.gui.logs.methods.positions_view import PositionsView
 from calstation.gui.logs.methods.solution_table import SolutionTable
 from calstation.gui.state import JobView
-from calstation.gui.text import Words, duration_text, on_language_change, say
+from calstation.gui.text import Words, checks_tip, duration_text, on_language_change, say
 from calstation.gui.widgets import (
     ChecksTable,
     DataView,
@@ -18,6 +18,7 @@ from calstation.gui.widgets import (
     ViewTabs,
     column,
     label,
+    plain_tip,
     row,
     scroll_area,
     show_text,
@@ -122,6 +123,8 @@ class _SolutionHead(QWidget, DataView[MethodAnswer]):
         """Show a solution."""
         show_text(self._remarks, "\n".join(say(event_text(key, values)) for key, values in solution.resolved.messages))
         self._badge.show_state(*self._verdict(solution))
+        notable = [c for c in solution.resolved.result.checks if c.near_miss or not c.passed]
+        self._badge.setToolTip(plain_tip(checks_tip(notable)))
         result, recording = solution.resolved.result, solution.recording
         duration = duration_text(recording.duration)
         parts = [recording.serial, say("logs.recording_length", duration=duration, rate=recording.rate)]
