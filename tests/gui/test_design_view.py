@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from calstation.config import library, versions
 from calstation.gui.engineer.designer import DesignView
 from calstation.gui.engineer.designer.form import DesignForm
 from calstation.gui.engineer.designer.plots import FrontPlot, Sphere
-from calstation.gui.engineer.designer.result import DesignResult
+from calstation.gui.engineer.designer.result import DesignResult, _headline
 from calstation.gui.text import language, say
 from calstation.gui.widgets import PageArea
 from tests.gui import design_jobs
@@ -120,6 +121,17 @@ def test_design_is_shown_with_path_parameters_and_robustness(designer: Designer)
     assert [row[0] for row in hidden] == ["drift of gyro bias z", "gyro g-sensitivity yy", "time skew"]
     assert hidden[0][2:] == ["°/h", "gyro bias z", "10.1"]
     assert hidden[2][1:] == ["∞", "ms", "–", "–"]
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [("en", "The current stages take the same time, 0:33."), ("zh_CN", "现有阶段用时相同，为 0:33。")],
+)
+def test_current_stages_that_take_as_long_are_not_compared_by_a_factor(code: str, words: str) -> None:
+    language.use(code)
+    design = design_jobs.design()
+    assert words in _headline(replace(design, present=design.duration))
+    language.use("en")
 
 
 @pytest.mark.parametrize(

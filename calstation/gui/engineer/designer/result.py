@@ -182,8 +182,9 @@ def _headline(design: Design) -> str:
     reserve = design.longest > design.duration
     first = say(f"engineer.design_{'with' if reserve else 'without'}_reserve", **values)
     if design.present is not None:
-        times = design.present / design.duration
-        first += " " + say("engineer.design_present", present=duration_text(design.present), times=times)
+        times, present = design.present / design.duration, duration_text(design.present)
+        same = f"{times:.3g}" == "1"
+        first += " " + say(f"engineer.design_present{'_same' if same else ''}", present=present, times=times)
     worst = {"parameter": design.limiting, "worst": design.worst, "margin": design.margin}
     too_long = not design.searched and design.worst < design.margin
     limiting = say("engineer.design_limiting_random" if too_long else "engineer.design_limiting", **worst)
