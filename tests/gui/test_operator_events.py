@@ -19,7 +19,7 @@ from calstation.gui.operator.live.live_view import Preparation
 from calstation.gui.operator.questions import closing_notice
 from calstation.gui.state import AppContext, RunStrip, TableNotice
 from calstation.gui.state.engine_link import EngineLink
-from calstation.gui.text import rendered
+from calstation.gui.text import rendered, say
 from calstation.gui.widgets import theme
 from calstation.jobs import JobQueue
 from calstation.messages import Text
@@ -832,6 +832,29 @@ def test_reserve_moves_extend_the_time_left_and_the_convergence_plot(simulated_r
     assert minutes[-1] == pytest.approx(150.0 / 60.0), "the line ends at the current time"
     assert decades[-1] < 0.0, "below the target"
     assert all(decade > 0.0 for minute, decade in zip(minutes, decades, strict=True) if minute < 2.5)
+
+
+@pytest.mark.parametrize(
+    ("code", "during", "after"),
+    [
+        (
+            "en",
+            "A calibration is in progress; press STOP first.",
+            "The devices of the last run are being closed; wait a moment.",
+        ),
+        ("zh_CN", "正在标定；请先按“停止”。", "正在关闭上次标定的设备，请稍候。"),
+    ],
+)
+def test_run_with_a_verdict_is_not_said_to_be_in_progress_while_its_devices_are_closed(
+    simulated_run: Operator, code: str, during: str, after: str
+) -> None:
+    simulated_run.window.app.set_language(code)
+    run, link = simulated_run.run, simulated_run.window.app.engine_link
+    link.event.emit(StateChanged("running", "preparing"))
+    assert say(run.why_busy) == during
+    link.event.emit(StateChanged("stopped", "running"))
+    link.event.emit(Finalized(Verdict.STOPPED, "log.h5", "result.json", ENDED))
+    assert say(run.why_busy) == after
 
 
 @pytest.mark.parametrize("reason", ["operator", "targets", "failing"])

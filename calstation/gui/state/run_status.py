@@ -363,6 +363,8 @@ class RunStatus(QObject):
         """Code of the reason why no run can start while the engine is running."""
         if self.chamber.must_stay_closed and not self.in_progress:
             return "window.busy_chamber"
+        if self.ended:
+            return "window.busy_closing"
         return "window.busy_registers" if self.register_operation else "window.busy_run"
 
     @property
