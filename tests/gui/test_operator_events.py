@@ -19,7 +19,7 @@ from calstation.gui.operator.live.live_view import Preparation
 from calstation.gui.operator.questions import closing_notice
 from calstation.gui.state import AppContext, RunStrip, TableNotice
 from calstation.gui.state.engine_link import EngineLink
-from calstation.gui.text import rendered, say
+from calstation.gui.text import rendered, say, step_sentence
 from calstation.gui.widgets import theme
 from calstation.jobs import JobQueue
 from calstation.messages import Text
@@ -133,6 +133,23 @@ def test_typed_names_and_pins_are_not_taken_for_scans(operator: Operator) -> Non
     operator.press("role_button")
     operator.qtbot.keyClick(operator.window, "7")
     assert serial_and_focus(operator)[0] == SERIAL
+
+
+@pytest.mark.parametrize(("language", "text"), [("en", "Rate: solving"), ("zh_CN", "速率：解算中")])
+def test_message_line_names_a_stage_that_is_solved_instead_of_its_last_move(
+    simulated_run: Operator, language: str, text: str
+) -> None:
+    simulated_run.window.app.set_language(language)
+    link = simulated_run.window.app.engine_link
+    move = step_sentence("dwell", ("face_up", "x"))
+    link.event.emit(StateChanged("running", "preparing"))
+    link.event.emit(StageStarted("rate", 0, 2, 10.0))
+    link.event.emit(StepStarted("rate", 1, "dwell", ("face_up", "x")))
+    simulated_run.until(lambda: simulated_run.message == move, 10.0)
+    link.event.emit(StageEnded("rate", "plan", 1))
+    simulated_run.until(lambda: simulated_run.message == text, 10.0)
+    link.event.emit(StepStarted("six_position", 2, "dwell", ("face_up", "x")))
+    simulated_run.until(lambda: simulated_run.message == move, 10.0)
 
 
 def test_resumed_stage_shows_no_time_and_message_line_follows_the_language(simulated_run: Operator) -> None:

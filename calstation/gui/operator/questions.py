@@ -105,6 +105,8 @@ def progress_message(run: RunStatus) -> str:
     kind, key, values = run.latest
     if key == "carry" and run.stage is not None:  # the position panel gives the instruction
         return term("stage", run.stage.name)
+    if kind == "solving":
+        return say("common.named", name=term("stage", key), text=term("stage_state", kind))
     if key == "will_fail":  # the reason is for engineers
         return rendered(Text("question.will_fail")).text
     return say(event_text(key, values)) if kind == "message" else step_sentence(key, values)

@@ -12,7 +12,7 @@ from calstation.gui.state.table_status import TableStatus
 from calstation.gui.state.unit_status import StageState, UnitStatus, units_of
 from calstation.gui.text import rendered, say
 from calstation.messages import Text
-from calstation.records import Verdict
+from calstation.records import END_FAILING, Verdict
 from calstation.runs import RunSummary, resumable_after, run_summary
 from calstation.sequencer import (
     ChamberChanged,
@@ -91,7 +91,8 @@ class RunStatus(QObject):
         self.units: tuple[UnitStatus, ...] = (UnitStatus(""),)
         #: Unit that is displayed in detail.
         self.unit = self.units[0]
-        #: Latest message ("message", id, values) or step ("step", kind, label); a dwell has the label of its move.
+        #: Latest message ("message", id, values) or step ("step", kind, label), or the stage that is being solved
+        #: ("solving", stage, None); a dwell has the label of its move.
         self.latest: tuple[str, str, Any] | None = None
         #: Whether a run that ends early now can be resumed after a stage or temperature that need not be repeated.
         self.resumable = False
@@ -458,6 +459,8 @@ class RunStatus(QObject):
             case StepStarted():
                 after_move = event.kind == "dwell" and self.latest is not None and self.latest[0] == "step"
                 self.latest = ("step", event.kind, self.latest[2] if after_move and self.latest else event.label)
+            case StageEnded() if event.reason != END_FAILING:
+                self.latest = ("solving", event.stage, None)
             case Message() if not event.slot or event.id == _UNIT_LEFT:
                 self.latest = ("message", event.id, event.values)
             case Settled():
