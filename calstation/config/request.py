@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from calstation.records import OverriddenSection
+
 #: Control and other characters that XML, and therefore a digital certificate, cannot contain.
 _NOT_TEXT = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]+")
 
@@ -24,6 +26,11 @@ class Confirmation:
     confirmed_by: str | None = None
     #: Whether personal PINs were checked, or the site's PIN, which does not identify a person; None for no PIN.
     pin: Literal["personal", "site"] | None = None
+
+    @property
+    def people(self) -> tuple[str, ...]:
+        """Both persons, without those that are not known."""
+        return tuple(filter(None, (self.by, self.confirmed_by)))
 
 
 @dataclass(frozen=True)
@@ -60,6 +67,8 @@ class RunRequest:
     override_standard: str | None = None
     #: Persons who permit this run (see `calstation.config.confirm`); None for the operator at a site without PINs.
     overridden_by: Confirmation | None = None
+    #: Check standards and instruments despite which this run is permitted.
+    overridden: tuple[OverriddenSection, ...] = ()
     faults: Path | None = None  #: Fault plan of the virtual bench; None for the station file's plan.
     #: Action after an interrupted transfer of the unit's registers; None refuses the run.
     unfinished: Literal["finish", "restore"] | None = None

@@ -186,6 +186,8 @@ class RunConfiguration:
                 started_utc=started.isoformat(timespec="seconds"),
                 clock_error_ppm=self.station.clock_error_ppm,
                 standard_override=self.request.override_standard,
+                standard_override_by=list(self.request.overridden_by.people) if self.request.overridden_by else None,
+                standard_overridden=list(self.request.overridden) or None,
                 files={kind: source.section for kind, source in self.sources.items()} or None,
             ),
             laboratory=self.station.laboratory,

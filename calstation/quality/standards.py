@@ -12,7 +12,7 @@ from calstation.estimation.common import Posterior
 from calstation.judgement import StandardComparison, judge_standard
 from calstation.messages import Text
 from calstation.physics import INDEX, parameter_vector
-from calstation.records import InstrumentSection, RunFilter, RunRecord, Verdict, covariance_from
+from calstation.records import InstrumentSection, OverriddenSection, RunFilter, RunRecord, Verdict, covariance_from
 from calstation.results import History, Result
 
 #: Why production is refused: no run of a check standard has passed, or the next is overdue; its last run failed a limit
@@ -37,6 +37,14 @@ class Due:
         """`since` as text in local time, only the date for a certificate; "" for None."""
         format_ = "%Y-%m-%d" if self.reason == "certificate" else "%Y-%m-%d %H:%M"
         return "" if self.since is None else self.since.astimezone().strftime(format_)
+
+    @property
+    def section(self) -> OverriddenSection:
+        """The entry of the log of a run that is permitted nevertheless."""
+        utc = "" if self.since is None else f"{self.since.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
+        return OverriddenSection(
+            reason=self.reason, name=self.name, since=self.when if self.reason == "certificate" else utc
+        )
 
     def error(self, setup: RunConfiguration) -> ConfigurationError:
         """Return the error that refuses a run."""

@@ -93,6 +93,7 @@ from calstation.records.meta import (
     ImuSection,
     LogMeta,
     ModelSection,
+    OverriddenSection,
     PriorSection,
     ProductSection,
     RunSection,

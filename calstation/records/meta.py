@@ -193,6 +193,14 @@ class CalibrationSection(StrictModel):
     started_utc: str
 
 
+class OverriddenSection(StrictModel):
+    """A check standard or an instrument that was not in order when a run was allowed."""
+
+    reason: str  #: ``certificate`` for an instrument; for others the state of the check standard.
+    name: str  #: Serial number of the check standard, or name of the instrument.
+    since: str = ""  #: Due date, or time (UTC) when it was due or failed.
+
+
 class RunSection(StrictModel):
     """`[run]`: operator, station, software and time of the run; a CSV of another program has no such section."""
 
@@ -208,6 +216,8 @@ class RunSection(StrictModel):
     resumed_from: str | None = None  #: Name of the log with whose completed stages this log begins.
     #: Reason for a run despite an overdue or failed check standard or certificate; None if all were valid.
     standard_override: str | None = None
+    standard_override_by: list[str] | None = None  #: Persons who allowed this run; None in logs of earlier versions.
+    standard_overridden: list[OverriddenSection] | None = None  #: What was not in order then.
     calibration: CalibrationSection | None = None  #: Source of the prior; None for the IMU profile.
     batch: str | None = None  #: Common identifier of the units that were on the table together; None for a single unit.
     slot: str | None = None  #: Name of the unit's slot on the table; None at a station with one unit.

@@ -78,7 +78,13 @@ def _end_deviations(result: Result) -> Iterator[Text]:
         people = ", ".join(filter(None, (result.override.by, result.override.confirmed_by)))
         yield Text.of("certificate.d_released", by=people, date=result.override.utc[:10], why=result.override.why)
     if result.standard_override is not None:
-        yield Text.of("certificate.d_standard_override", why=result.standard_override)
+        causes = [
+            Text.of(f"quality.cause_{each.reason}", name=each.name, since=each.since)
+            for each in result.standard_overridden
+        ]
+        code = "certificate.d_standard_overridden" if causes else "certificate.d_standard_override"
+        by = ", ".join(result.standard_override_by)
+        yield Text.of(code, by=by, causes=causes, why=result.standard_override)
     if result.resumed_from is not None:
         yield Text.of("certificate.d_resumed", log=result.resumed_from)
     if result.attempt > 1:

@@ -26,7 +26,9 @@ from calstation.results.result import (
 )
 
 #: Entries of `RunSection` that a result has only if they are known.
-_STATED_IF_KNOWN = ("resumed_from", "standard_override", "batch", "slot")
+_STATED_IF_KNOWN = (
+    *("resumed_from", "standard_override", "standard_override_by", "standard_overridden", "batch", "slot"),
+)
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ from calstation.physics import (
     FloatArray,
     parameter_vector,
 )
-from calstation.records import FileSection, OnlineDifference, Verdict, covariance_from, write_atomic
+from calstation.records import FileSection, OnlineDifference, OverriddenSection, Verdict, covariance_from, write_atomic
 from calstation.results.temperature import TemperatureResult
 from calstation.schema import Number, ResultSection
 
@@ -248,6 +248,8 @@ class Result(ResultSection):
     check_standard: StandardComparison | None = None
     #: Reason for a run despite an overdue or failed check standard or certificate.
     standard_override: str | None = None
+    standard_override_by: list[str] = Field(default_factory=list)
+    standard_overridden: list[OverriddenSection] = Field(default_factory=list)
     resumed_from: str | None = None
     batch: str | None = None  #: Common identifier of the units that were on the table together; None for a single unit.
     slot: str | None = None  #: Name of the unit's slot on the table.

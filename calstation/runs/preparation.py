@@ -267,7 +267,7 @@ def _check_standards(setup: RunConfiguration, history: History) -> RunConfigurat
     """
     problems, request = require_standards(setup, history, datetime.now(UTC)), setup.request
     if not problems:
-        return replace(setup, request=replace(request, override_standard=None))
+        return replace(setup, request=replace(request, override_standard=None, overridden_by=None))
     confirmation = request.overridden_by or Confirmation(setup.station.person(request.operator or ""))
     if request.overridden_by is None and can_confirm_identity(setup.station):
         raise ConfigurationError("confirmation.standard_required", station=setup.station.name)
@@ -285,7 +285,8 @@ def _check_standards(setup: RunConfiguration, history: History) -> RunConfigurat
         overridden=overridden,
         **values,
     )
-    return setup
+    sections = tuple(due.section for due in problems)
+    return replace(setup, request=replace(request, overridden_by=confirmation, overridden=sections))
 
 
 def _check_folder(folder: Path) -> None:

@@ -320,7 +320,8 @@ class Continuation:
         calibration = old.run.calibration if old.run is not None else None
         changes: dict[str, Any] = {"resumed_from": path.name, "calibration": calibration}
         if old.run is not None and old.run.standard_override and new.run and new.run.standard_override is None:
-            changes["standard_override"] = old.run.standard_override
+            names = ("standard_override", "standard_override_by", "standard_overridden")
+            changes |= {name: getattr(old.run, name) for name in names}
         run = new.run.model_copy(update=changes) if new.run is not None else None
         sections = {name: getattr(old, name) for name in ("prior", "prior_correlation", "registers")}
         return new.model_copy(update={**sections, "run": run})

@@ -257,6 +257,8 @@ def test_production_requires_a_passed_check_standard(site: SiteFolder, capsys: p
     site.request = lambda *stages, **more: request  # type: ignore[method-assign,assignment]
     made = load_result(Path(site.run().result_file))
     assert made.standard_override == "golden unit at the laboratory"
+    assert made.standard_override_by == ["tester"]
+    assert [(each.reason, each.name) for each in made.standard_overridden] == [("out", GOLDEN)]
     assert made.check_standard is None
     event = read_audit(audit_path(site_folder())).entries[-1]
     assert (event.event, event.by, event.why) == ("standard_overridden", "tester", "golden unit at the laboratory")

@@ -249,6 +249,26 @@ def test_the_cause_of_a_failed_check_is_stated_with_its_name_in_words(
     assert sentence(cause, language, window=True).startswith(words)
 
 
+@pytest.mark.parametrize(
+    ("language", "words"),
+    [
+        (
+            "en",
+            "Li Na, B0002 allowed the run although the calibration of 't' was due on 2026-01-02. Reason: x.",
+        ),
+        ("zh_CN", "Li Na, B0002 放行了本次校准，尽管“t”应于 2026-01-02 前送检。理由：x。"),
+    ],
+)
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_certificate_names_who_allowed_a_run_and_despite_what(made: Made, language: Language, words: str) -> None:
+    overridden = [{"reason": "certificate", "name": "t", "since": "2026-01-02"}]
+    allowed = {"standard_override_by": ["Li Na", "B0002"], "standard_overridden": overridden}
+    result = Result.from_json({**made.certificate.result.to_json(), "standard_override": "x", **allowed})
+    found = deviations(replace(made.certificate, result=result), made.analysis)
+    (text,) = (text for text in found if text.code == "certificate.d_standard_overridden")
+    assert sentence(text, language, window=True) == words
+
+
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
 def test_excluded_uncertainty_contributions_depend_on_the_tests(made: Made) -> None:
     def codes(analysis: Analysis, **changes: Any) -> list[str]:
