@@ -78,10 +78,12 @@ def find_station_owner(path: Path | None, done: Callable[[Path | None, PortOwner
 
     def find() -> None:
         owner = None
-        with suppress(CalstationError):
-            _, station = load_station(path)
-            owner = None if station.bench is not None else station_owner(station)
-        done(path, owner)
+        try:
+            with suppress(CalstationError, OSError):  # who opens the station is told the reason
+                _, station = load_station(path)
+                owner = None if station.bench is not None else station_owner(station)
+        finally:
+            done(path, owner)
 
     threading.Thread(target=find, daemon=True).start()
 

@@ -76,6 +76,7 @@ def test_run_of_another_program_is_shown_and_stopped(
     start = hardware.widget("start_button", QPushButton)
     hardware.until(start.isEnabled)
     with owner(port_lock.ENGINE) as process:
+        hardware.until(lambda: hardware.run.display_state == "in_use")  # what a second window of the station shows
         hardware.until(lambda: used.format(pid=process.pid) in hardware.message)
         assert remedy in hardware.says()
         assert badge in hardware.says()

@@ -39,8 +39,8 @@ from calstation.gui.state import AppContext
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.text import language
 from calstation.gui.widgets import NoticeBar, problem_text, theme
-from calstation.messages.catalogue import family
 from calstation.messages import Finding, Report
+from calstation.messages.catalogue import family
 from calstation.sequencer import Fault
 from tests.gui.station_driver import PIN, PageDriver, station_page
 from tests.site_folder import STATION as STATION_DATA
@@ -510,6 +510,25 @@ def test_a_missing_port_is_explained_in_both_languages(page_driver: PageDriver, 
     assert page_driver.page.table_link.test.report is None, "findings of other settings are removed"
 
 
+def test_headline_of_warnings_does_not_claim_that_no_run_starts(
+    page_driver: PageDriver, chinese: Callable[[], None]
+) -> None:
+    page_driver.show_section(TABLE_LINK)
+    test = page_driver.page.table_link.test
+    station = test._station()
+    assert station is not None
+    test._tested = test._settings(station)
+    travel = {"joint": "outer", "low": -90.0, "high": 90.0, "profile_low": -1080.0, "profile_high": 1080.0}
+    test._done(Report("table", (Finding("travel_narrower", "warning", travel),)))
+    assert test.badge.text() == "The link works, with warnings"
+    assert test._why.text() == "What is marked can prevent or end a run."
+    chinese()
+    page_driver._bot.waitUntil(lambda: test.badge.text() == "连接正常，但有警告")
+    assert test._why.text() == "标出的项可能使标定无法开始或中途结束。"
+    test._done(Report("table", (Finding("interlock", "ok"),)))
+    assert not test._why.isVisible()
+
+
 def test_an_operator_can_reset_a_latched_fault(
     operator: PageDriver, site_folder: Any, monkeypatch: pytest.MonkeyPatch, chinese: Callable[[], None]
 ) -> None:
@@ -551,25 +570,6 @@ def test_an_operator_can_reset_a_latched_fault(
         chinese()
         operator._bot.waitUntil(lambda: result.text() == "故障“驱动器”已复位；现在没有锁存的故障。")
         language.use("en")
-def test_headline_of_warnings_does_not_claim_that_no_run_starts(
-    page_driver: PageDriver, chinese: Callable[[], None]
-) -> None:
-    page_driver.show_section(TABLE_LINK)
-    test = page_driver.page.table_link.test
-    station = test._station()
-    assert station is not None
-    test._tested = test._settings(station)
-    travel = {"joint": "outer", "low": -90.0, "high": 90.0, "profile_low": -1080.0, "profile_high": 1080.0}
-    test._done(Report("table", (Finding("travel_narrower", "warning", travel),)))
-    assert test.badge.text() == "The link works, with warnings"
-    assert test._why.text() == "What is marked can prevent or end a run."
-    chinese()
-    page_driver._bot.waitUntil(lambda: test.badge.text() == "连接正常，但有警告")
-    assert test._why.text() == "标出的项可能使标定无法开始或中途结束。"
-    test._done(Report("table", (Finding("interlock", "ok"),)))
-    assert not test._why.isVisible()
-
-
 
         # The same from the verdict of a run; an open interlock keeps the fault latched.
         clock.inject({"order": "interlock", "value": 0})

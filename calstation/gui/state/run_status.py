@@ -164,11 +164,10 @@ class RunStatus(QObject):
 
     @property
     def display_state(self) -> str:
-        """`state`, or ``writing`` during a register operation, ``monitoring``, or ``not_ready`` if no run can start."""
-        if self.state == "idle" and self.monitoring is not None:
-            return "monitoring"
-        if self.state == "idle" and self.problem is not None:
-            return "not_ready"
+        """`state`, ``writing`` registers, ``monitoring``, ``in_use`` by another program, or ``not_ready`` for a run."""
+        if self.state == "idle":
+            causes = {"in_use": self.program, "monitoring": self.monitoring, "not_ready": self.problem}
+            return next((name for name, cause in causes.items() if cause is not None), self.state)
         return "writing" if self.register_operation and self.state == "running" else self.state
 
     def display_state_of(self, unit: UnitStatus) -> str:

@@ -108,10 +108,10 @@ def _state_badge(run: RunStatus) -> tuple[str, str]:
         serials, elsewhere = run.elsewhere
         text = "  ·  ".join([_units_text(serials), term("badge", elsewhere)] if serials else [term("badge", elsewhere)])
         return KINDS.get(elsewhere, "none"), say("window.in_other_window", state=text)
+    if run.program is not None and not run.in_progress and run.fault is None:
+        return KINDS["in_use"], term("badge", "in_use")
     if run.in_slots and run.ended:
         counts = Counter(run.display_state_of(unit) for unit in run.units)
-    if run.program is not None and not run.in_progress and run.fault is None:
-        return "active", term("badge", "in_use")
         texts = [term("unit_count", outcome, count=counts[outcome]) for outcome in _COUNTED if counts[outcome]]
         worst = next((outcome for outcome in _WORST if counts[outcome]), run.display_state)
         return KINDS.get(worst, "none"), term("unit_count", "comma").join(texts)

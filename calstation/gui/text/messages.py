@@ -34,6 +34,7 @@ _ABOUT_FILES = frozenset(
 KINDS = {
     "idle": "none",
     "not_ready": "caution",
+    "in_use": "active",
     "monitoring": "active",
     "starting": "waiting",
     "preparing": "active",
