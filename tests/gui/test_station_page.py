@@ -33,7 +33,7 @@ from calstation.errors import DeviceFaultError
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.settings import StationPage
 from calstation.gui.settings import page as page_module
-from calstation.gui.settings.table_section import TravelPlot
+from calstation.gui.settings.table_section import TableSection, TravelPlot
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.state import AppContext
 from calstation.gui.state.engine_link import EngineLink
@@ -220,6 +220,24 @@ def test_edited_shipped_file_is_saved_in_the_site_folder(page_driver: PageDriver
     assert saved(own)["outer"]["high_deg"] == 400
     assert "CiA 402" in own.read_text(encoding="utf-8")
     assert [v.number for v in versions.list_versions("tables", "bench")] == [2, 1]
+
+
+@pytest.mark.parametrize(("code", "middle"), [("en", "Middle axis"), ("zh_CN", "中框")])
+def test_middle_joint_of_a_gimbal_is_edited(page_driver: PageDriver, site_folder: Any, code: str, middle: str) -> None:
+    page_driver.show_section(TABLE)
+    shown = page_driver.page.findChild(TableSection)
+    assert middle not in [text.text() for text in shown.findChildren(QLabel) if text.isVisible()]
+    assert not page_driver.find(QLineEdit, "middle_high_deg_edit").isVisible()
+    language.use(code)
+    page_driver.app.set_station(library.find("stations", "virtual_gimbal"))
+    assert middle in [text.text() for text in shown.findChildren(QLabel) if text.isVisible()]
+    assert page_driver.find(QWidget, "middle_axis_edit").isVisible()
+    assert page_driver.page.findChild(TravelPlot).accessibleName().count("170°") == 3
+    assert shown.minimumSizeHint().width() <= 1024, "beside the list of sections in a window of 1280 px"
+    page_driver.type("middle_high_deg_edit", "80")
+    page_driver.press("save_station_button")
+    assert saved(site_folder.home / "tables" / "gimbal.toml")["middle"]["high_deg"] == 80
+    language.use("en")
 
 
 def test_an_axis_must_be_a_unit_vector(page_driver: PageDriver) -> None:

@@ -97,6 +97,8 @@ def _describe(port: SerialPortInfo) -> str:
 
 #: Widths of the label, the input and the unit of a field, px.
 LABEL, EDITOR, _UNIT = 22 * theme.GRID, 30 * theme.GRID, 9 * theme.GRID
+#: Width of the unit in a table of fields, px.
+_SHORT_UNIT = 7 * theme.GRID
 
 
 class Field(FormField):
@@ -144,7 +146,7 @@ class Field(FormField):
     def hide_label(self, heading: str) -> None:
         """Hide the label in a table of fields; `heading` is the catalogue code of the column."""
         self.label.hide()
-        self.setFixedWidth(self.editor.maximumWidth() + _UNIT)
+        self.setFixedWidth(self.editor.maximumWidth() + _SHORT_UNIT)
         bind(self.editor.setAccessibleName, lambda: f"{say(heading)}, {term('setting', str(self._key_path[-1]))}")
 
 

@@ -1,17 +1,22 @@
-"""The table profile: travel, rate and acceleration limits of both joints, axes and accuracies."""
+"""The table profile: travel, rate and acceleration limits of all joints, axes and accuracies."""
 
 from typing import Any
 
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QGridLayout
+from PySide6.QtWidgets import QGridLayout, QWidget
 
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import Field, Section
 from calstation.gui.text import say, with_minus
 from calstation.gui.widgets import ThemedPlot, VectorEdit, column, label, row, theme
 
-_JOINTS = ("outer", "inner")
+#: Joints from base to body with their names and the headings of their columns; only a gimbal has a middle one.
+_JOINTS = {
+    "outer": ("settings.outer", "settings.outer_axis"),
+    "middle": ("settings.middle", "settings.middle_axis"),
+    "inner": ("settings.inner", "settings.inner_axis"),
+}
 _LIMITS = ("low_deg", "high_deg", "max_rate_dps", "max_acceleration_dps2")
 _ACCURACY = (
     "encoder_sigma_deg",
@@ -35,8 +40,9 @@ class TableSection(Section):
         super().__init__(draft)
         self._file = label(kind="muted", wrap=True)
         self._travel = TravelPlot()
-        axes = [Field(draft, (name,)) for name in ("outer_axis", "inner_axis")]
-        axes[0].key_paths += ((),)  # a problem of both axes has the key path of the whole file
+        axes = [Field(draft, (f"{joint}_axis",)) for joint in _JOINTS]
+        axes[0].key_paths += ((),)  # a problem of several axes has the key path of the whole file
+        self._of_middle: list[QWidget] = [axes[1]]
         editors = {"axis_offset_mm": VectorEdit("12")}
         accuracy = [Field(draft, ("accuracy", name), editors.get(name), width=_NARROW_WIDTH) for name in _ACCURACY]
         left = column(label("settings.table", "section"), self._file, self._make_joints(), self._travel, *axes, None)
@@ -46,30 +52,33 @@ class TableSection(Section):
             Field(draft, ("outer_lever",), width=22 * theme.GRID),
             None,
         )
-        row((left, 1), (right, 1), on=self, spacing=3 * theme.GRID)
+        row((left, 1), (right, 1), on=self, spacing=theme.GRID)
         self.connect_draft()
 
     def _make_joints(self) -> QGridLayout:
-        """Create the fields for travel, rate and acceleration of both joints, side by side."""
-        headings = "settings.outer_axis", "settings.inner_axis"
+        """Create the fields for travel, rate and acceleration of all joints, side by side."""
         grid = QGridLayout()
-        grid.setHorizontalSpacing(2 * theme.GRID)
+        grid.setHorizontalSpacing(theme.GRID)
         grid.setVerticalSpacing(theme.GRID // 2)
-        grid.setColumnStretch(3, 1)
+        grid.setColumnStretch(len(_JOINTS) + 1, 1)
         for line, key in enumerate(_LIMITS, start=1):
             caption = label(f"setting.{key}")
             caption.setMinimumHeight(4 * theme.GRID)
             grid.addWidget(caption, line, 0, Qt.AlignmentFlag.AlignTop)
-            for number, (joint, heading) in enumerate(zip(_JOINTS, headings, strict=True), start=1):
-                field = Field(self._draft, (joint, key), width=_NARROW_WIDTH)
+            for number, (joint, (_, heading)) in enumerate(_JOINTS.items(), start=1):
+                field = Field(self._draft, (joint, key), width=10 * theme.GRID)
                 field.hide_label(heading)
                 if key == "high_deg":
                     field.key_paths += ((joint,),)  # a low angle above the high angle is reported once
                 grid.addWidget(field, line, number, Qt.AlignmentFlag.AlignTop)
-        for number, heading in enumerate(headings, start=1):
+                if joint == "middle":
+                    self._of_middle.append(field)
+        for number, (joint, (_, heading)) in enumerate(_JOINTS.items(), start=1):
             title = label(heading)
             title.setFont(theme.font(bold=True))
             grid.addWidget(title, 0, number)
+            if joint == "middle":
+                self._of_middle.append(title)
         return grid
 
     def refresh(self) -> None:
@@ -78,22 +87,24 @@ class TableSection(Section):
         def ends(joint: str) -> tuple[Any, Any]:
             return self._draft.value((joint, "low_deg")), self._draft.value((joint, "high_deg"))
 
-        self._travel.show_travel({say("settings.outer"): ends("outer"), say("settings.inner"): ends("inner")})
+        is_gimbal = self._draft.value(("middle",)) is not None
+        for widget in self._of_middle:
+            widget.setVisible(is_gimbal)
+        names = {joint: name for joint, (name, _) in _JOINTS.items() if is_gimbal or joint != "middle"}
+        self._travel.show_travel({say(name): ends(joint) for joint, name in names.items()})
         self._file.setText(say("settings.table_profile", profile=self._draft.name))
 
 
 class TravelPlot(ThemedPlot):
-    """A plot of the travel of both joints as bars on a common scale in degrees."""
+    """A plot of the travel of the joints as bars on a common scale in degrees."""
 
     def __init__(self) -> None:
         super().__init__(zoom=False)
         self._travel: dict[str, tuple[Any, Any]] = {}
-        self.setFixedHeight(22 * theme.GRID)
         self.setMouseEnabled(x=False, y=False)
         for widget in (self, self.viewport()):
             widget.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self.hideAxis("bottom")
-        self.setYRange(-0.6, 1.6, padding=0.0)
         theme.themes.changed.connect(self._draw)
 
     def show_travel(self, travel: dict[str, tuple[Any, Any]]) -> None:
@@ -107,7 +118,9 @@ class TravelPlot(ThemedPlot):
         self.clear()
         c = theme.colours()
         summaries, reach = [], 0.0
-        heights = {name: 1 - number for number, name in enumerate(travel)}
+        heights = {name: len(travel) - 1 - number for number, name in enumerate(travel)}
+        self.setFixedHeight(11 * theme.GRID * len(travel))
+        self.setYRange(-0.6, len(travel) - 0.4, padding=0.0)
         for name, (low, high) in travel.items():
             y, text = heights[name], say("setting.no_travel")
             if isinstance(low, float | int) and isinstance(high, float | int) and low < high:
