@@ -629,6 +629,24 @@ def test_a_usb_adapter_is_chosen_by_its_serial_number(page_driver: PageDriver) -
     assert saved(library.find("stations", "line_3"))["imu"]["port"] == "usb:A9XYZ"
 
 
+@pytest.mark.parametrize(("code", "absent"), [("en", "This port is not present now."), ("zh_CN", "当前未找到此端口。")])
+def test_unlisted_port_that_exists_is_not_called_absent(
+    page_driver: PageDriver, tmp_path: Path, code: str, absent: str
+) -> None:
+    page_driver.copy_station("line_3")
+    page_driver.show_section(IMU_LINK)
+    link, line = page_driver.page.imus.link, tmp_path / "imu_line3"
+    page_driver._bot.waitUntil(lambda: not link.searching.busy and link._searched, timeout=30_000)
+    language.use(code)
+    page_driver.page.drafts.station.set({("imu", "port"): str(line)})
+    assert page_driver.message("imu_port") == absent
+    (tmp_path / "ttyX0").touch()
+    line.symlink_to(tmp_path / "ttyX0")
+    link._ports["serial"].refresh()
+    assert page_driver.message("imu_port") == ""
+    language.use("en")
+
+
 def test_serial_settings_come_from_the_profile_or_the_station(page_driver: PageDriver) -> None:
     page_driver.copy_station("line_3")
     page_driver.show_section(IMU_LINK)

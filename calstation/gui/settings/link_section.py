@@ -220,8 +220,8 @@ class LinkSection(Section):
         enable(self.search_button, "", say(error.as_text))
 
     def _port_hint(self) -> str:
-        description = self.port_box.description()
-        if description or not self._searched or not self.port_box.value():
+        description, port = self.port_box.description(), str(self.port_box.value() or "")
+        if description or not self._searched or not port or Path(port).exists():  # a link to a port
             return description
         return say("settings.port_absent")
 
