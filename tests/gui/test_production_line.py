@@ -351,7 +351,11 @@ def test_shift_counter_is_updated_while_idle_and_after_a_verdict(operator: Opera
     write_result(operator.site_folder.runs, "SN-000002", "failed", noon)
     write_result(operator.site_folder.runs, "SN-000003", "passed", noon - timedelta(days=1))
     use_station(operator, ONE_STAGE)
-    operator.until(lambda: "2 done  ·  1 passed  ·  1 failed  ·  yield 50.0 %  ·  10:00 per unit" in label.text())
+    counts = "2 done  ·  1 passed  ·  1 failed  ·  yield 50.0 %  ·  10:00 of table time per unit"
+    operator.until(lambda: counts in label.text())
+    operator.window.app.set_language("zh_CN")
+    assert label.text().endswith("平均每台转台时间 10:00")
+    operator.window.app.set_language("en")
     run_to_pass(operator)
     operator.until(lambda: "3 done  ·  2 passed  ·  1 failed  ·  yield 66.7 %" in label.text())
     assert label.isVisible()
