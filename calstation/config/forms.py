@@ -170,6 +170,8 @@ class FormCell:
             return {self.key_path: "" if value is None and isinstance(self.key_path[-1], int) else value}
         if self.magnitude and not isinstance(present, list) and (self.end == 1 or value is None):
             return {self.key_path: value} if self.end == 1 else {}
+        if self.magnitude and self.end == 0 and value is None and _has_highest(present):
+            return {self.key_path: present[1]}  # the lowest value follows the highest again
         if isinstance(present, list) and len(present) == 2 and value is not None:
             return {(*self.key_path, self.end): value}
         ends = [*present, "", ""] if isinstance(present, list) else ["", ""]
@@ -292,6 +294,10 @@ def cells_with_problem(rows: Sequence[FormRow], problem: Problem) -> list[FormCe
             inside = [cell for cell in cells if cell.key_path[: len(problem.key_path)] == problem.key_path]
             return inside if len(inside) < len(cells) and inside else cells[:1]
     return []
+
+
+def _has_highest(interval: list[Any]) -> bool:
+    return len(interval) == 2 and isinstance(interval[1], float | int) and interval[1] > 0
 
 
 def _number(text: str) -> float:

@@ -270,6 +270,19 @@ def test_limits_are_added_cleared_and_removed(forms: FormDriver) -> None:
     ], "each comment is still above its table"
 
 
+def test_delete_makes_a_lowest_limit_follow_the_highest_again(forms: FormDriver) -> None:
+    forms.open("products", "nav_a", "Limits")
+    forms.enter("gyro bias", "Lowest", "-0.5")
+    forms.enter("gyro bias", "Highest", "0.75")
+    assert forms.cell_text("gyro bias", "Lowest") == "−0.5"
+    forms.click("gyro bias", "Lowest")
+    forms._bot.keyClick(forms.table, Qt.Key.Key_Delete)
+    assert forms.problems() == []
+    assert forms.cell_text("gyro bias", "Lowest") == "−0.75"
+    forms.enter("gyro bias", "Highest", "0.25")
+    assert forms.cell_text("gyro bias", "Lowest") == "−0.25"
+
+
 def test_typing_in_a_selected_cell_replaces_its_value(forms: FormDriver) -> None:
     forms.open("products", "nav_a", "Limits")
     forms.click("inner lever arm", "Sigma below")
