@@ -1,5 +1,6 @@
 """The station page, operated by clicks: validation while typing, versions, connection tests, operator permissions."""
 
+import math
 import re
 import tomllib
 from collections.abc import Callable, Iterator
@@ -644,6 +645,15 @@ def test_unlisted_port_that_exists_is_not_called_absent(
     line.symlink_to(tmp_path / "ttyX0")
     link._ports["serial"].refresh()
     assert page_driver.message("imu_port") == ""
+    language.use("en")
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_effect_of_the_latitude_is_the_largest_at_any_latitude(page_driver: PageDriver, code: str) -> None:
+    page_driver.show_section(SITE)
+    language.use(code)
+    turned = math.radians(1.0) * 15.041  # °/h, the change of the earth rate's direction by 1°
+    assert f"{turned:.2f} °/h" in page_driver.message("site_latitude_deg")
     language.use("en")
 
 
