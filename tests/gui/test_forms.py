@@ -130,8 +130,12 @@ def test_a_reason_is_required_for_changed_limits(forms: FormDriver, site_folder:
     forms.open("products", "nav_a", "Limits")
     save, reason = forms.find(QPushButton, "save_station_button"), forms.find(QLineEdit, "change_reason_edit")
     assert not reason.isVisible()
+    QApplication.processEvents()
+    top = forms.table.mapTo(forms.root, QPoint(0, 0))
     forms.enter("gyro bias", "Highest", "2.5")
     assert reason.isVisible()
+    QApplication.processEvents()
+    assert forms.table.mapTo(forms.root, QPoint(0, 0)) == top, "the next click must not hit another row"
     assert not save.isEnabled()
     assert save.toolTip() == "State the reason for the change."
     language.use("zh_CN")

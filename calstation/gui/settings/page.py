@@ -305,6 +305,9 @@ class StationPage(Page):
     def _show_section(self, number: int) -> None:
         self._stack.setCurrentIndex(number)
         section = self._sections[number]
+        policy = self._reason_row.sizePolicy()  # the first edit must not move the rows of a form under the pointer
+        policy.setRetainSizeWhenHidden(section is self.profiles)
+        self._reason_row.setSizePolicy(policy)
         if isinstance(section, LinkSection | ImuSection):
             section.search()
 
