@@ -418,6 +418,16 @@ def test_leaving_the_page_with_unsaved_changes_asks_for_confirmation(
     assert saved(site_folder.station)["name"] == ("line 7" if answer.startswith("save") else "test bench")
 
 
+def test_question_about_changes_that_cannot_be_saved_focuses_the_answer_that_keeps_them(
+    whole: PageDriver, window: MainWindow
+) -> None:
+    whole.type("name_edit", "")
+    window.page_tabs.setCurrentIndex(0)
+    assert whole.page.notice.asking
+    assert whole.find(QPushButton, "stay_button").hasFocus()
+    whole.press("discard_and_go_button")
+
+
 def test_closing_the_window_with_unsaved_changes_asks_for_confirmation(whole: PageDriver, window: MainWindow) -> None:
     page_driver = whole
     page_driver.type("name_edit", "line 7")

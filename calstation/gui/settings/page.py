@@ -187,8 +187,8 @@ class StationPage(Page):
 
         choices = [
             Choice("save_and_go_button", "settings.save_and_go", save, primary=True),
-            Choice("discard_and_go_button", "settings.discard_and_go", discard, primary=cannot_save),
-            Choice("stay_button", "settings.stay_here", lambda: None),
+            Choice("discard_and_go_button", "settings.discard_and_go", discard),
+            Choice("stay_button", "settings.stay_here", lambda: None, primary=cannot_save),
         ]
         offered = choices[1:] if cannot_save else choices
         self.notice.ask("caution", "settings.unsaved_changes", self._unsaved_names, offered)
