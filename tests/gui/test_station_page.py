@@ -36,7 +36,7 @@ from calstation.gui.settings import StationPage
 from calstation.gui.settings import page as page_module
 from calstation.gui.settings.table_section import TableSection, TravelPlot
 from calstation.gui.shell.main_window import MainWindow
-from calstation.gui.state import AppContext
+from calstation.gui.state import AppContext, RunStrip
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.text import language
 from calstation.gui.widgets import NoticeBar, problem_text, theme
@@ -426,6 +426,18 @@ def test_question_about_changes_that_cannot_be_saved_focuses_the_answer_that_kee
     assert whole.page.notice.asking
     assert whole.find(QPushButton, "stay_button").hasFocus()
     whole.press("discard_and_go_button")
+
+
+@pytest.mark.parametrize(("code", "reason"), [("en", "turned by hand"), ("zh_CN", "手")])
+def test_station_page_says_why_no_run_is_possible(
+    whole: PageDriver, window: MainWindow, code: str, reason: str
+) -> None:
+    window.app.set_product(library.find("products", "mems_hand"))
+    window.app.set_language(code)
+    (strip,) = whole.page.findChildren(RunStrip)
+    assert window.app.run.problem is not None
+    assert reason in "".join(label.text() for label in strip.findChildren(QLabel))
+    window.app.set_language("en")
 
 
 def test_closing_the_window_with_unsaved_changes_asks_for_confirmation(whole: PageDriver, window: MainWindow) -> None:

@@ -68,6 +68,8 @@ class RunStrip(QWidget):
             parts.append(say("common.time_left", time=duration_text(run.remaining)))
         if self._idle and not parts and not run.in_progress:
             parts = [self._idle]
+        if not parts and run.display_state == "not_ready" and run.problem is not None:
+            parts = [rendered(run.problem, engineer=False).remedy]
         show_text(self._text, "  ·  ".join(parts))
         self._bar.setVisible(run.in_progress)
         self._bar.setValue(round(STEPS * run.fraction))
