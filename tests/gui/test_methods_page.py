@@ -463,7 +463,12 @@ def test_live_watch_uses_the_selected_product(
         texts = [label.text() for label in window.findChildren(QLabel) if label.isVisible()]
         assert watching in texts
         assert ready not in texts
+    window.app.set_station(library.find("stations", "virtual_bench"))
+    assert view.badge.text() == "virtual pair：正在打开端口"
     language.use("en")
+    assert view.badge.text() == "virtual pair: opening the ports"
+    window.app.set_station(library.find("stations", "virtual_pair"))
+    assert view.badge.text() == "opening the ports"
     view.close_watch()
     assert window.app.run.display_state == "not_ready"
 

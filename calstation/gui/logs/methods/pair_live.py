@@ -1,6 +1,7 @@
 """The live monitoring of the IMUs of a station on one body."""
 
 from dataclasses import replace
+from pathlib import Path
 
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QWidget
@@ -26,6 +27,7 @@ class PairLiveView(QWidget):
         super().__init__()
         self._app = app
         self._watch: PairProcess | None = None
+        self._station: tuple[Path | None, str] = (None, "")  #: File and name of the station of the last watch.
         self.status: PairStatus | None = None
         self._error: CalstationError | None = None
         self._timer = QTimer(self, interval=100)
@@ -81,7 +83,9 @@ class PairLiveView(QWidget):
             self._stop()
             return
         self._error, self.status = None, None
-        self._watch = PairProcess(RunRequest("", self._app.station_path, self._app.product_path))
+        path = self._app.station_path
+        self._station = path, load_station(path)[1].name
+        self._watch = PairProcess(RunRequest("", path, self._app.product_path))
         self._timer.start()
         self._refresh()
 
@@ -110,6 +114,9 @@ class PairLiveView(QWidget):
 
     def _refresh(self) -> None:
         kind, text = self._state()
+        path, name = self._station
+        if self.watching and path != self._app.station_path:
+            text = Text.of("common.named", name=name, text=text)
         self._app.run.set_monitoring((kind, text) if self.watching else None)
         self.start_button.setText(say("logs.stop" if self.watching else "logs.watch_live"))
         enable(self.start_button, "" if self.watching else self._why_not())
