@@ -56,13 +56,8 @@ from calstation.results.resolving import (
 )
 from calstation.results.result import (
     SCHEMA,
-    CyclePhase,
-    Parameter,
-    Registers,
     Result,
-    Temperature,
     TemperatureResult,
-    Verification,
     in_sigma,
     load_result,
     online_difference,
@@ -70,6 +65,7 @@ from calstation.results.result import (
     write_json,
 )
 from calstation.results.run_events import TimedEvent, load_events
+from calstation.results.sections import CyclePhase, Parameter, Registers, Temperature, Verification
 from calstation.results.solver_chain import StageChain, one_blas_thread, solve
 from calstation.results.stated import (
     ADDED_LATER,

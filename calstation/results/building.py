@@ -14,16 +14,8 @@ from calstation.judgement import Judgement, estimated_stage, undetermined, unobs
 from calstation.messages import values_to_json
 from calstation.physics import INDEX, PARAMETERS
 from calstation.records import LogFacts, LogMeta, Verdict, correlation_of
-from calstation.results.result import (
-    SCHEMA,
-    CalibrationUsed,
-    CyclePhase,
-    Parameter,
-    Result,
-    StageConsistency,
-    TemperatureResult,
-    plain,
-)
+from calstation.results.result import SCHEMA, Result, TemperatureResult, plain
+from calstation.results.sections import CalibrationUsed, CyclePhase, Parameter, StageConsistency
 
 #: Entries of `RunSection` that a result has only if they are known.
 _STATED_IF_KNOWN = (

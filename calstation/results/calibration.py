@@ -12,7 +12,7 @@ from calstation.estimation.common import Posterior
 from calstation.physics import NAMES, FloatArray, composition, group_indices, parameter_vector
 from calstation.records import CalibrationSection, LogMeta, PriorSection, correlation_of, covariance_from, open_log
 from calstation.results.history import History
-from calstation.results.result import JointEstimate
+from calstation.results.sections import JointEstimate
 from calstation.sequencer import Message
 
 _YEAR = timedelta(days=365.25)

@@ -27,7 +27,8 @@ from calstation.records import (
     read_resolves,
     resolve_file,
 )
-from calstation.results.result import NO_RESULT, SCHEMA, Parameter, Result, load_result
+from calstation.results.result import NO_RESULT, SCHEMA, Result, load_result
+from calstation.results.sections import Parameter
 from calstation.results.stated import load_confirmed_result
 from calstation.results.stored_runs import has_files, is_run, lacks_log, read_run, run_stamps
 

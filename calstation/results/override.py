@@ -22,7 +22,8 @@ from calstation.jobs import ProgressCallback
 from calstation.parsing import parse_toml, read_json
 from calstation.records import FileSection, audit_writer, open_log
 from calstation.results.resolving import find_log
-from calstation.results.result import Override, Result, write_json
+from calstation.results.result import Result, write_json
+from calstation.results.sections import Override
 from calstation.results.stated import load_run_result, override_of
 from calstation.schema import validate
 

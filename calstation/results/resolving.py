@@ -45,7 +45,8 @@ from calstation.records import (
 from calstation.results.building import Ending, build_result, solved_parameters
 from calstation.results.diagnostics import stage_diagnostics
 from calstation.results.history import History
-from calstation.results.result import SCHEMA, DamagedRange, Parameter, Result, online_difference
+from calstation.results.result import SCHEMA, Result, online_difference
+from calstation.results.sections import DamagedRange, Parameter
 from calstation.results.solver_chain import SolveProgress, StageChain, one_blas_thread, solve
 from calstation.results.stated import load_confirmed_result, was_simulated
 

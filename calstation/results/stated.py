@@ -29,7 +29,8 @@ from calstation.records import (
     site_events,
     verify_trail,
 )
-from calstation.results.result import Override, Result, read_content, result_from
+from calstation.results.result import Result, read_content, result_from
+from calstation.results.sections import Override
 
 #: Entries that are added later to the result file of a run: an override, which must be in the audit trail (see
 #: `load_confirmed_result`), and the decision not to resume an interrupted run, which certificates do not state.

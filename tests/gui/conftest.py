@@ -115,15 +115,20 @@ def engineer_page(window: MainWindow) -> None:
 
 @pytest.fixture
 def window(
-    site_folder: SiteFolder, job_queue: SharedJobQueue, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+    site_folder: SiteFolder,
+    job_queue: SharedJobQueue,
+    qtbot: QtBot,
+    monkeypatch: pytest.MonkeyPatch,
+    request: pytest.FixtureRequest,
 ) -> Iterator[MainWindow]:
     """The window with the test station, English, light theme, shown at 1366x768.
 
     Other pages are created when they are shown, because their creation in idle time takes longer than most tests, and
-    the engineer page, which a window creates before a run, by `engineer_page`.
+    in the suite the engineer page, which a window creates before a run, only by `engineer_page`.
     """
     monkeypatch.setattr(MainWindow, "_after_first_paint", MainWindow._join_windows)
-    monkeypatch.setattr(MainWindow, "create_engineer_page", lambda _: None)
+    if request.node.get_closest_marker("long") is None:
+        monkeypatch.setattr(MainWindow, "create_engineer_page", lambda _: None)
     made = create_window(site_folder.station)
     assert isinstance(made, MainWindow)
     qtbot.addWidget(made)

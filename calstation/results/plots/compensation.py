@@ -20,7 +20,7 @@ from calstation.estimation.common import (
 from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, RATE, FloatArray, compensate, compensation
 from calstation.records import Correction, LogMeta, context_from_meta, open_log
-from calstation.results.result import Parameter
+from calstation.results.sections import Parameter
 from calstation.results.temperature import TemperatureResult, compensate_samples, known_temperatures
 
 _COLUMNS = 2000

@@ -25,7 +25,8 @@ from calstation.records import (
 )
 from calstation.results.plots.pairs import PairPlotData, pair_plot_data
 from calstation.results.resolving import Resolved, resolve
-from calstation.results.result import Parameter, Result
+from calstation.results.result import Result
+from calstation.results.sections import Parameter
 from calstation.schema import validate
 from calstation.sequencer import GimbalTurned
 from procedures import method
