@@ -201,7 +201,6 @@ def test_each_part_can_be_previewed_and_run(engineer: Engineer) -> None:
                 assert number(expected_table[name][last]) == pytest.approx(number(row["± σ"]), rel=0.15), name
 
 
-@pytest.mark.long
 def test_parts_are_offered_only_for_a_product_with_their_stages(engineer: Engineer) -> None:
     engineer.unlock()
     biases = engineer.widget("part_check_biases", QCheckBox)
@@ -212,7 +211,6 @@ def test_parts_are_offered_only_for_a_product_with_their_stages(engineer: Engine
     assert "or single stages" not in engineer.says()
 
 
-@pytest.mark.long
 def test_product_that_cannot_be_read_replaces_the_previous_one(engineer: Engineer, site_folder: SiteFolder) -> None:
     engineer.unlock()
     good = engineer.window.app.product_path
@@ -235,7 +233,6 @@ def test_product_that_cannot_be_read_replaces_the_previous_one(engineer: Enginee
     assert engineer.widget("save_reason_label", QLabel).text() == "The values of this stage are those of the product."
 
 
-@pytest.mark.long
 def test_single_stages_can_be_chosen_in_any_order(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("stage_check_rate", "stage_check_excitation")
@@ -358,7 +355,6 @@ def test_changed_schedule_is_marked_on_the_operator_page_and_applies_to_one_run(
     assert "Selection and changed schedule apply to one run only." in engineer.says()
 
 
-@pytest.mark.long
 def test_question_about_an_unverified_transfer_outlasts_the_end_of_a_changed_schedule(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.type("schedule_rate_dwell_s", "6.5")
@@ -374,7 +370,6 @@ def test_question_about_an_unverified_transfer_outlasts_the_end_of_a_changed_sch
         assert place in engineer.message
 
 
-@pytest.mark.long
 def test_only_an_engineer_chooses_parts(engineer: Engineer) -> None:
     boxes = ("part_check_biases", "stage_check_rate")
     for name in (*boxes, "stage_down_rate"):
@@ -394,7 +389,6 @@ def test_only_an_engineer_chooses_parts(engineer: Engineer) -> None:
         engineer.window.app.role.unlock("246813")
 
 
-@pytest.mark.long
 def test_partial_run_is_marked_on_all_pages(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("part_check_scale_factors")
@@ -445,7 +439,6 @@ def test_partial_run_is_marked_on_all_pages(engineer: Engineer) -> None:
         assert table.rowCount() == rows
 
 
-@pytest.mark.long
 def test_schedule_is_validated_previewed_and_saved_to_the_product(
     engineer: Engineer,
 ) -> None:
@@ -494,7 +487,6 @@ def test_schedule_is_validated_previewed_and_saved_to_the_product(
     assert "are those of the product" in engineer.why_not("save_product_button")
 
 
-@pytest.mark.long
 def test_target_above_the_limit_of_the_product_is_a_caution(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.window.app.set_product(library.find("products", "mems_c"))
@@ -623,7 +615,6 @@ def test_typed_target_replaces_those_of_single_parameters(engineer: Engineer) ->
     assert app.schedule is None
 
 
-@pytest.mark.long
 def test_confirmation_prompt_disappears_when_its_subject_changes(engineer: Engineer) -> None:
     app = engineer.window.app
     engineer.unlock()
@@ -652,7 +643,6 @@ def test_confirmation_prompt_disappears_when_its_subject_changes(engineer: Engin
     assert versions.list_versions("products", "nav_a") == (), "the values were typed for the other product"
 
 
-@pytest.mark.long
 def test_selection_changed_during_the_preview_makes_it_outdated(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("stage_check_rate")
@@ -664,7 +654,6 @@ def test_selection_changed_during_the_preview_makes_it_outdated(engineer: Engine
     assert "the selection has changed" not in engineer.widget("preview_summary", QLabel).text()
 
 
-@pytest.mark.long
 def test_preview_states_the_end_condition_of_a_repeated_stage(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("stage_check_azimuth_flip")
@@ -733,7 +722,6 @@ DEGREE_PER_HOUR = np.pi / 180.0 / 3600.0
 SIZE = {"accel_bias": 9.80665e-6, "accel_scale": 1e-6}
 
 
-@pytest.mark.long
 def test_finished_run_is_analysed(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("stage_check_six_position", "stage_check_azimuth_flip")
@@ -783,7 +771,6 @@ def tooltip_at(heat: HeatMap, line: int, step: int) -> str:
     return QToolTip.text()
 
 
-@pytest.mark.long
 def test_registers_are_read_compared_and_written_after_confirmation(engineer: Engineer) -> None:
     engineer.site_folder.write(flash_file=str(engineer.site_folder.folder / "flash.bin"), out_of_limits=True)
     engineer.window.app.product_changed.emit()
@@ -1058,7 +1045,6 @@ def ask_to_write(engineer: Engineer, *, of: Mapping[str, Any] | None = None, **b
     engineer.press("write_registers_button")
 
 
-@pytest.mark.long
 def test_result_of_another_profile_requires_its_own_product(engineer: Engineer) -> None:
     engineer.unlock()
     found = {"gyro_bias_x": {"value": 1e-6, "sigma": 1e-8, "unit": "rad/s", "stage": "six_position"}}
@@ -1091,7 +1077,6 @@ def test_registers_of_the_previous_run_are_not_offered_for_the_next(engineer: En
     assert registers.target is None
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("changes", "title"),
     [
@@ -1110,7 +1095,6 @@ def test_write_confirmation_shows_the_verdict_of_the_result(
     assert title not in engineer.says()
 
 
-@pytest.mark.long
 def test_write_to_another_unit_is_refused_with_a_reason_at_the_button(engineer: Engineer) -> None:
     ask_to_write(engineer)
     engineer.type("engineer_serial_edit", "SN-000007")
@@ -1219,7 +1203,6 @@ def test_reason_that_prevents_a_write_is_shown_once_and_wraps(engineer: Engineer
         assert engineer.page.minimumSizeHint().width() <= 1280, code
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "said"),
     [
@@ -1294,7 +1277,6 @@ def test_rows_of_stages_stay_aligned_after_a_selection(engineer: Engineer) -> No
         assert len({each.mapTo(engineer.page, QPoint()).x() for each in checks}) == 1
 
 
-@pytest.mark.long
 def test_registers_that_a_partial_run_writes_are_announced_beside_start(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("stage_check_six_position")
@@ -1310,7 +1292,6 @@ def test_registers_that_a_partial_run_writes_are_announced_beside_start(engineer
     language.use("en")
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "state", "why"),
     [("en", "NOT READY", "serial number"), ("zh_CN", "未就绪", "序列号")],
@@ -1327,7 +1308,6 @@ def test_reason_why_no_run_can_start_stands_beside_start(engineer: Engineer, cod
     assert state not in shown
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "product", "compared", "other"),
     [
@@ -1363,7 +1343,6 @@ def test_result_names_its_product_and_the_run_with_which_it_is_compared(
     assert engineer.page.minimumSizeHint().width() == page_width, "the sentences take two lines"
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "said"),
     [
@@ -1386,7 +1365,6 @@ def test_headline_names_the_failed_checks(engineer: Engineer, code: str, said: s
     assert said in engineer.says()
 
 
-@pytest.mark.long
 def test_two_engineers_confirm_a_write_if_the_product_requires_it(engineer: Engineer) -> None:
     ask_to_write(engineer)
     for badge in ("B0001", "B0002"):
@@ -1421,7 +1399,6 @@ def test_registers_can_be_written_with_the_table_at_rest(engineer: Engineer) -> 
     assert (entry.closing, entry.steps[-1]) == ("done", "at_rest")
 
 
-@pytest.mark.long
 def test_table_that_cannot_move_suggests_writing_at_rest(engineer: Engineer) -> None:
     ask_to_write(engineer, interlock_closed=False)
     engineer.press("confirm_write_button")
@@ -1432,7 +1409,6 @@ def test_table_that_cannot_move_suggests_writing_at_rest(engineer: Engineer) -> 
     assert engineer.run.fault is not None, "the operator page shows the fault and asks for acknowledgement"
 
 
-@pytest.mark.long
 def test_stop_ends_the_verification_motion_after_a_write(engineer: Engineer) -> None:
     ask_to_write(engineer, speed=5.0)
     engineer.press("confirm_write_button")
@@ -1477,7 +1453,6 @@ def test_restored_registers_are_not_shown_as_those_of_the_result(engineer: Engin
     assert say("engineer.verified_rest") in engineer.says()
 
 
-@pytest.mark.long
 def test_partial_run_shows_its_stages_and_when_registers_were_written(engineer: Engineer) -> None:
     row = {"value": 1e-4, "sigma": 1e-6, "unit": "1", "stage": "rate"}
     result = {
@@ -1558,7 +1533,6 @@ def record_transfer(
         made.close(closing)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(("code", "stated"), [("en", "registers written, NOT verified"), ("zh_CN", "尚未验证")])
 def test_registers_left_unverified_by_a_stop_are_stated_until_they_are_verified(
     engineer: Engineer, code: str, stated: str
@@ -1580,7 +1554,6 @@ def test_registers_left_unverified_by_a_stop_are_stated_until_they_are_verified(
     assert say("engineer.old") in engineer.cells("register_table")["gyro_scale_x"]
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("why", "question"),
     [
@@ -1597,7 +1570,6 @@ def test_question_says_that_older_registers_would_replace_later_ones(
     assert "Write 1 register of unit SN-000042?" in engineer.says()
 
 
-@pytest.mark.long
 def test_guard_band_shows_acceptance_limits_and_risk_of_wrong_decisions(engineer: Engineer) -> None:
     row = {"value": 9.5e-4, "sigma": 5e-5, "unit": "1", "stage": "rate"}
     limits, accepted = [-1e-3, 1e-3], [-9e-4, 9e-4]
