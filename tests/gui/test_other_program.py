@@ -94,7 +94,10 @@ def test_run_of_another_program_is_shown_and_stopped(
         assert badge not in hardware.says()
 
 
-@pytest.mark.parametrize(("code", "said"), [("en", "STOP does not reach process"), ("zh_CN", "“停止”对用户 wang")])
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [("en", "If the table moves, press its emergency stop"), ("zh_CN", "如果转台在动，请按转台的急停按钮")],
+)
 def test_program_that_executes_no_run_is_not_stopped(hardware: Operator, code: str, said: str) -> None:
     hardware.window.app.set_language(code)
     with owner("MainProcess") as process:

@@ -379,15 +379,14 @@ class RunStatus(QObject):
             return self.why_busy
         if self.occupied is not None:
             return self.occupied
-        if self.fault is not None:
-            return "operator.fault_open"
-        if self.stop_incomplete:
-            return "operator.table_unconfirmed"
-        if self.chamber.unchecked:
-            return "operator.chamber_unchecked"
-        if self.chamber.must_stay_closed:
-            return "operator.chamber_unconfirmed"
-        return "operator.reading_runs" if self.reading_runs else ""
+        reasons = {
+            "operator.fault_open": self.fault is not None,
+            "operator.table_unconfirmed": self.stop_incomplete,
+            "operator.chamber_unchecked": self.chamber.unchecked,
+            "operator.chamber_unconfirmed": self.chamber.must_stay_closed,
+            "operator.reading_runs": self.reading_runs,
+        }
+        return next((code for code, holds in reasons.items() if holds), "")
 
     def why_no_run(self, *, engineer: bool) -> str:
         """Return why no run may start with the station and the product, to an engineer or an operator, or ""."""
