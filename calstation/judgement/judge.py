@@ -240,11 +240,14 @@ def needs_full_calibration(checks: Collection[Check], *, partial: bool) -> bool:
     The stages of a partial run determine only some parameters, and the others only as well as the current calibration.
     """
     failed = [check for check in checks if not check.passed]
-    return (
-        partial
-        and any(check.kind in _OF_CALIBRATION for check in failed)
-        and all(check.diagnosis is None and check.kind != "consistency" for check in failed)
-    )
+    uncertain = {check.subject for check in failed if check.kind in _OF_CALIBRATION}
+    explained = (check.kind in _OF_CALIBRATION or _is_of_uncertain(check, uncertain) for check in failed)
+    return partial and bool(uncertain) and all(explained)
+
+
+def _is_of_uncertain(check: Check, uncertain: Collection[str]) -> bool:
+    """Return whether a check is about the value of a parameter that is too uncertain, and has no other cause."""
+    return check.kind == "within" and check.subject in uncertain and check.diagnosis is None
 
 
 def advice(

@@ -112,11 +112,13 @@ class UnusedSamples:
     """Finds the ranges of samples that a log marks as invalid, and whether they were recorded during a pause.
 
     Samples of a pause are sound, but no step uses them. A pause includes the return to the start of the interrupted
-    step. A log without events or arrival times does not reveal its pauses.
+    step. A log without events or arrival times does not reveal its pauses, nor does one that begins with stages of
+    another run, whose events and clock it lacks.
     """
 
-    def __init__(self, events: Iterable[Mapping[str, Any]]) -> None:
-        self._pauses = tuple(_pauses(events))
+    def __init__(self, events: Iterable[Mapping[str, Any]], meta: LogMeta) -> None:
+        resumed = meta.run is not None and meta.run.resumed_from is not None
+        self._pauses = () if resumed else tuple(_pauses(events))
         #: The latest range, which the next block may continue, shape (0, 4) or (1, 4).
         self._latest = np.empty((0, 4), np.int64)
         self.invalid = 0  #: Number of invalid samples without those of pauses, in the completed ranges.

@@ -58,21 +58,27 @@ class _SigmaRecorder:
         self.time: list[float] = []
         self.sigma: list[FloatArray] = []
         self.spans: dict[str, tuple[float, float]] = {}
-        self._stages = result.stages
-        #: Number, sum, minimum and maximum of the temperatures of every block of a solved stage.
-        self._temperatures: list[tuple[float, ...]] = []
-        self.unused = UnusedSamples(log.events)
+        self._stages, self._last_seq = result.stages, -1
+        #: Number, sum, minimum and maximum of the temperatures of every block, of a solved stage (True) or of none.
+        self._temperatures: dict[bool, list[tuple[float, ...]]] = {True: [], False: []}
+        self.unused = UnusedSamples(log.events, log.meta)
 
     def observe(self, block: SampleBlock) -> None:
+        if not len(block) or block.seq[0] <= self._last_seq:  # a manual recording is read twice
+            return
+        self._last_seq = int(block.seq[-1])
         self.unused.add(block)
         values = block.temperature[block.valid & ~np.isnan(block.temperature)]
-        if block.stage in self._stages and len(values):
-            self._temperatures.append((len(values), float(values.sum()), float(values.min()), float(values.max())))
+        if len(values):
+            row = len(values), float(values.sum()), float(values.min()), float(values.max())
+            self._temperatures[block.stage in self._stages].append(row)
 
     def temperature(self) -> Temperature | None:
-        if not self._temperatures:
+        """Return that of the solved stages; all samples of a manual recording, which names none, are solved."""
+        rows = self._temperatures[True] or self._temperatures[False]
+        if not rows:
             return None
-        counts, sums, lowest, highest = zip(*self._temperatures, strict=True)
+        counts, sums, lowest, highest = zip(*rows, strict=True)
         return Temperature(mean=round(sum(sums) / sum(counts), 3), min=min(lowest), max=max(highest))
 
     def record(self, done: float, stage: str) -> None:

@@ -82,8 +82,8 @@ def _end_deviations(result: Result) -> Iterator[Text]:
             Text.of(f"quality.cause_{each.reason}", name=each.name, since=each.since)
             for each in result.standard_overridden
         ]
-        code = "certificate.d_standard_overridden" if causes else "certificate.d_standard_override"
         by = ", ".join(result.standard_override_by)
+        code = "certificate.d_standard_overridden" if causes and by else "certificate.d_standard_override"
         yield Text.of(code, by=by, causes=causes, why=result.standard_override)
     if result.resumed_from is not None:
         yield Text.of("certificate.d_resumed", log=result.resumed_from)

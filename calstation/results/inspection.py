@@ -112,7 +112,7 @@ def inspect_log(log: Log) -> Inspection:
     Raises InputError if it cannot be read.
     """
     counted = Counter[str]()
-    unused, channels, clock = UnusedSamples(log.events), dict.fromkeys(["accel"]), _ClockFit()
+    unused, channels, clock = UnusedSamples(log.events, log.meta), dict.fromkeys(["accel"]), _ClockFit()
     for block in log.blocks():
         clock.add(block)
         unused.add(block)

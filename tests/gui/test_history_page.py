@@ -151,6 +151,26 @@ def test_run_of_another_program_is_listed_while_the_page_is_visible(
     assert not page._refresh_timer.isActive()
 
 
+def test_run_of_another_program_moves_neither_the_list_nor_the_selection(
+    page: HistoryPage, folder: Path, qtbot: QtBot
+) -> None:
+    for hours in range(2, 332):
+        write_run(folder, f"SN-{hours:06}", "passed", timedelta(hours=hours))
+    page.resize(1000, 600)
+    listed_runs(page, qtbot)
+    table = page.table
+    while table.model().canFetchMore():
+        table.model().fetchMore()
+    table.setCurrentIndex(table.model().index(320, 0))
+    table.verticalScrollBar().setValue(250)
+    write_run(folder, "SN-000001", "passed", timedelta(hours=1))
+    page._refresh_quietly()
+    qtbot.waitUntil(lambda: len(rows(page)) == 331, timeout=WAIT)
+    assert table.verticalScrollBar().value() == 250
+    assert table.run is not None
+    assert table.run.serial == "SN-000322"
+
+
 def test_reading_the_folder_is_not_called_an_empty_history(page: HistoryPage, qtbot: QtBot) -> None:
     for code, reading in (("en", "Reading the runs"), ("zh_CN", "正在读取标定")):
         language.use(code)

@@ -105,3 +105,18 @@ def test_program_that_executes_no_run_is_not_stopped(hardware: Operator, code: s
         press_stop(hardware)
         assert said in hardware.message
         assert process.poll() is None
+
+
+def test_run_in_another_window_is_not_called_that_of_another_program(hardware: Operator) -> None:
+    with owner(port_lock.ENGINE):
+        hardware.until(lambda: hardware.run.display_state == "in_use")
+        hardware.run.set_elsewhere(((SERIAL,), "running"))
+        hardware.window.show_page("history_page")
+        (strip,) = (strip for strip in hardware.window.findChildren(RunStrip) if strip.isVisible())
+        assert SERIAL in visible_text(strip)
+        assert "Another program" not in visible_text(strip)
+        assert hardware.run.display_state != "in_use"
+
+
+def visible_text(strip: RunStrip) -> str:
+    return "\n".join(label.text() for label in strip.findChildren(QLabel))

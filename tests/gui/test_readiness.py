@@ -139,7 +139,7 @@ def test_a_notice_does_not_move_the_buttons_of_a_verdict(simulated_run: Operator
     window.resize(width, height)
     end_run(operator, "failed", **FAILED)
     details = operator.widget("details_button", QPushButton)
-    operator.qtbot.wait(100)  # the panel fits its texts
+    operator.qtbot.wait(500)  # the panel fits its texts
     before = details.mapTo(window, QPoint())
     notice = window.operator_page.notice
     notice.inform("good", "operator.label_saved", lambda: "SN-000042.pdf", lambda: None)

@@ -196,14 +196,23 @@ def test_only_a_completed_run_that_passed_and_lacks_no_stage_is_a_pass() -> None
 
 
 def test_partial_run_needs_a_full_calibration_unless_a_failed_check_has_another_cause() -> None:
-    sigma, value = Check("sigma_below", "accel_bias_z", 2.0, 1.0, "1", False), Check("within", "", 2.0, 1.0, "1", False)
+    sigma = Check("sigma_below", "accel_bias_z", 2.0, 1.0, "1", False)
+    value, other = replace(sigma, kind="within"), replace(sigma, kind="within", subject="accel_bias_x")
+    force = Check("gravity_at_rest", "", 2.0, 1.0, "m/s²", False)  # its limit allows for the sigmas
     inconsistent = Check("consistency", "azimuth_flip", 2.0, 1.0, "1", False)
     tilted = Check("effects", "azimuth_flip", 2.0, 1.0, "1", False, diagnosis=Diagnosis("tilt"))
     changed = replace(sigma, kind="change")
     assert needs_full_calibration([sigma, value, replace(inconsistent, passed=True)], partial=True)
     assert needs_full_calibration([changed], partial=True)
     assert not needs_full_calibration([sigma, value], partial=False)
-    for checks in ([value], [sigma, inconsistent], [sigma, tilted], [replace(sigma, passed=True)]):
+    for checks in (
+        [value],
+        [sigma, other],
+        [sigma, force],
+        [sigma, inconsistent],
+        [sigma, tilted],
+        [replace(sigma, passed=True)],
+    ):
         assert not needs_full_calibration(checks, partial=True), checks
 
 

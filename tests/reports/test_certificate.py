@@ -267,6 +267,9 @@ def test_certificate_names_who_allowed_a_run_and_despite_what(made: Made, langua
     found = deviations(replace(made.certificate, result=result), made.analysis)
     (text,) = (text for text in found if text.code == "certificate.d_standard_overridden")
     assert sentence(text, language, window=True) == words
+    nobody = Result.from_json({**result.to_json(), "standard_override_by": []})  # without sign-in, nobody may be known
+    codes = [text.code for text in deviations(replace(made.certificate, result=nobody), made.analysis)]
+    assert "certificate.d_standard_override" in codes
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)

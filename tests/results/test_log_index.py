@@ -154,12 +154,24 @@ def test_log_without_arrival_times_does_not_reveal_its_pauses(tmp_path: Path) ->
 
 
 def test_run_stopped_during_a_pause_is_paused_until_its_end(tmp_path: Path) -> None:
-    unused = UnusedSamples([{"event": "StateChanged", "state": "paused", "station_time": 5.0}])
+    events = [{"event": "StateChanged", "state": "paused", "station_time": 5.0}]
+    unused = UnusedSamples(events, LogMeta.model_validate(META))
     part = block("rate", np.arange(100), 1)
     part.valid[40:] = False
     assert unused.add(replace(part, station=np.arange(100.0)[:, None])).tolist() == []
     assert unused.close().tolist() == [[40, 99, 60, 1]]
     assert (unused.paused, unused.invalid) == (60, 0)
+
+
+def test_pauses_are_not_sought_in_a_log_that_begins_with_another_run() -> None:
+    """Its samples have the times of another clock, which may be those of a later pause."""
+    run = {"stages": ["rate"], "software": "1", "started_utc": "2026-07-01T03:03:00+00:00", "resumed_from": "earlier"}
+    meta = LogMeta.model_validate({**META, "run": run})
+    unused = UnusedSamples([{"event": "StateChanged", "state": "paused", "station_time": 5.0}], meta)
+    part = block("rate", np.arange(100), 1)
+    part.valid[40:] = False
+    unused.add(replace(part, station=np.arange(100.0)[:, None]))
+    assert unused.close().tolist() == [[40, 99, 60, 0]]
 
 
 def test_index_includes_the_result_of_the_run(log: Path, tmp_path: Path) -> None:

@@ -44,7 +44,7 @@ from calstation.runs import Resumable, close_incomplete_job, find_resumable
 from calstation.sequencer import Event, Finalized
 
 #: Time after which a visible page reads the folder again, because other programs add runs to it, ms.
-_REFRESH_MS = 20_000
+_REFRESH_MS = 60_000
 
 #: Object name of the button that closes the notice that nobody has signed in.
 _SIGN_IN = "history_sign_in_close"
@@ -57,6 +57,7 @@ class HistoryPage(Page):
         super().__init__(app, "history")
         unread = "common.runs_not_read"
         self._refresher = self.job(refresh_history, self._show_refreshed, failure=unread)
+        self._quiet_refresher = self.job(refresh_history, self._show_added)  # its error was reported before
         self._resumable_finder = self.job(find_resumable, self._show_resumable, failure=unread)
         self._closer = self.job(
             close_incomplete_job, self._closed, failure="common.run_not_closed", failed=self._show_closed
@@ -115,11 +116,25 @@ class HistoryPage(Page):
     def refresh(self) -> None:
         """Update the index from the folder, then list the runs."""
         if not self.app.runs_folder.is_dir():
+            self._listed = None
             self.show_runs()
         elif not self._refresher.busy:
             self._refresher.start(self.app.runs_folder)
-            name, measured = self._station()
-            self._resumable_finder.start(self.app.runs_folder, name, measured=measured)
+            self._find_resumable()
+
+    def _refresh_quietly(self) -> None:
+        """Update the index from the folder, which other programs may have changed, without a notice of an error."""
+        if self.app.runs_folder.is_dir() and not self.app.job_queue.busy:
+            self._quiet_refresher.start(self.app.runs_folder)
+
+    def _show_added(self, changed: int) -> None:
+        if changed:
+            self._find_resumable()
+        self._show_refreshed(in_place=True)
+
+    def _find_resumable(self) -> None:
+        name, measured = self._station()
+        self._resumable_finder.start(self.app.runs_folder, name, measured=measured)
 
     def _station(self) -> tuple[str | None, bool]:
         """Return the name of the station, or None if its file is invalid, and whether it has hardware."""
@@ -129,19 +144,21 @@ class HistoryPage(Page):
             return None, False
         return station.name, station.bench is None
 
-    def show_runs(self) -> None:
+    def show_runs(self, *, in_place: bool = False) -> None:
         """List the indexed runs that match the filters."""
         with self._history().one_connection() if self.app.runs_folder.is_dir() else nullcontext():
-            self._show_matching()
+            self._show_matching(in_place)
 
-    def _show_matching(self) -> None:
+    def _show_matching(self, in_place: bool) -> None:
         history = self._history() if self.app.runs_folder.is_dir() else None
         conditions = self._filters.conditions
         self._match_count, self._export_count = (0, 0) if history is None else history.counts(conditions)
         self._stack.setCurrentWidget(self._split if self._match_count else self._nothing)
         with QSignalBlocker(self.table):
             self.table.show_runs(
-                lambda *part: [] if history is None else history.runs(conditions, *part), self._match_count
+                lambda *part: [] if history is None else history.runs(conditions, *part),
+                self._match_count,
+                in_place=in_place,
             )
         self._details_timer.start()
         self._show_texts()
@@ -182,11 +199,11 @@ class HistoryPage(Page):
 
     def _connect(self) -> None:
         details, app = self.details, self.app
-        self._filters.changed.connect(self.show_runs)
+        self._filters.changed.connect(lambda: self.show_runs())
         self.table.selected.connect(self._show_details)
         self._list_timer.timeout.connect(self._show_refreshed)
         self._details_timer.timeout.connect(self._show_details)
-        self._refresh_timer.timeout.connect(self.refresh)
+        self._refresh_timer.timeout.connect(self._refresh_quietly)
         self.table.doubleClicked.connect(lambda _: self._open_result())
         details.result_button.clicked.connect(self._open_result)
         details.log_button.clicked.connect(self._open_log)
@@ -215,7 +232,7 @@ class HistoryPage(Page):
             self._show_refreshed()
             self.refresh()
 
-    def _show_refreshed(self, _: object = None) -> None:
+    def _show_refreshed(self, _: object = None, *, in_place: bool = False) -> None:
         """List the indexed runs and offer their values in the filters, unless they are listed already."""
         listed = None
         if self.app.runs_folder.is_dir():
@@ -225,7 +242,7 @@ class HistoryPage(Page):
             if listed is not None and self._listed == listed:
                 return
             self._filters.show_choices(self._history().choices())
-        self.show_runs()
+        self.show_runs(in_place=in_place)
         self._listed = listed
 
     def _history(self) -> History:

@@ -107,9 +107,16 @@ class _RunModel(QAbstractTableModel):
 
     def show_runs(self, read: ReadRuns, count: int) -> None:
         """Show `count` runs, of which the first ones are read, as many as before but at most three parts."""
+        self._reset(read, count, min(max(len(self.runs), _PART), 3 * _PART))
+
+    def read_again(self, read: ReadRuns, count: int) -> None:
+        """Show `count` runs, of which a part more than before is read."""
+        self._reset(read, count, len(self.runs) + _PART)
+
+    def _reset(self, read: ReadRuns, count: int, limit: int) -> None:
         self.beginResetModel()
         self._read, self._count = read, count
-        self.runs = list(read(min(max(len(self.runs), _PART), 3 * _PART), 0, self.order)) if count else []
+        self.runs = list(read(limit, 0, self.order)) if count else []
         self.endResetModel()
 
     def sort_by(self, column: int) -> None:
@@ -217,9 +224,17 @@ class RunTable(QTableView):
         runs = [self.runs[index.row()] for index in self.selectionModel().selectedRows()]
         return tuple(sorted(runs, key=lambda run: (run.started_utc, run.log.stem), reverse=True))
 
-    def show_runs(self, read: ReadRuns, count: int) -> None:
-        """Show `count` runs, which `read` returns, and keep the selection or else select the first row."""
-        self._keep_selection(lambda: self._model.show_runs(read, count))
+    def show_runs(self, read: ReadRuns, count: int, *, in_place: bool = False) -> None:
+        """Show `count` runs, which `read` returns, and keep the selection or else select the first row.
+
+        With `in_place`, all runs that were read are read again, and the scroll position is kept.
+        """
+        if not in_place:
+            self._keep_selection(lambda: self._model.show_runs(read, count))
+            return
+        top = self.verticalScrollBar().value()
+        self._keep_selection(lambda: self._model.read_again(read, count))
+        self.verticalScrollBar().setValue(top)
 
     def _keep_selection(self, change: Callable[[], None]) -> None:
         """Change the rows, and select the same runs again or else the first row."""

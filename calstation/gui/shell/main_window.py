@@ -371,7 +371,10 @@ class MainWindow(QMainWindow):
             self._strip.raise_()
 
     def _escape(self) -> None:
-        """Stop a run that may be in progress, also of a silent engine or in another window, or close the role panel."""
+        """Stop a run that may be in progress, also of a silent engine, or close the role panel.
+
+        A run in another window or program is stopped in both cases.
+        """
         run = self.app.run
         if not self._role_panel.isVisible() or run.in_progress or self.app.engine_link.running:
             run.stop()

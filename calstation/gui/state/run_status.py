@@ -166,7 +166,8 @@ class RunStatus(QObject):
     def display_state(self) -> str:
         """`state`, ``writing`` registers, ``monitoring``, ``in_use`` by another program, or ``not_ready`` for a run."""
         if self.state == "idle":
-            causes = {"in_use": self.program, "monitoring": self.monitoring, "not_ready": self.problem}
+            used = self.program if self.elsewhere is None else None
+            causes = {"in_use": used, "monitoring": self.monitoring, "not_ready": self.problem}
             return next((name for name, cause in causes.items() if cause is not None), self.state)
         return "writing" if self.register_operation and self.state == "running" else self.state
 

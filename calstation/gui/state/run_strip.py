@@ -62,8 +62,8 @@ class RunStrip(QWidget):
             parts = [term("stage", run.stage.name), f"{100.0 * run.stage.fraction:.0f} %"]
         if closed:
             parts = [chamber_reason(run)]
-        elif run.program is not None and not run.in_progress:
-            parts = [rendered(run.program).text]
+        elif run.occupied is not None and run.elsewhere is None and not run.in_progress:
+            parts = [rendered(run.occupied).text]
         elif run.remaining is not None:
             parts.append(say("common.time_left", time=duration_text(run.remaining)))
         if self._idle and not parts and not run.in_progress:

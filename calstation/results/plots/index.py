@@ -1,9 +1,8 @@
 """Index of a log for the log page: min-max pyramid, marks, and samples on demand."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -108,7 +107,7 @@ def log_index(report: ProgressCallback, path: Path, folder: Path) -> LogIndex:
     total, imu = estimated_rows(path), log.meta.imu
     per_count = imu.sample_rate_hz if imu.output == "increment" else 1.0
     scale = np.repeat([np.rad2deg(imu.gyro_lsb) * per_count, imu.accel_lsb * per_count], 3)
-    builder = _IndexBuilder(log.events)
+    builder = _IndexBuilder(log)
     last_polled, last = np.full(3, np.nan), -1
     try:
         folder.mkdir(parents=True)
@@ -176,12 +175,12 @@ def _hold(polled: FloatArray, seq: IntArray, before: FloatArray, last_seq: int) 
 
 
 class _IndexBuilder:
-    def __init__(self, events: Iterable[Mapping[str, Any]]) -> None:
+    def __init__(self, log: Log) -> None:
         self._spans: list[StageSpan] = []
         self._step: int | None = None
         self._last: int | None = None
         self._steps, self._gaps, self._invalid, self._paused = _Marker(), _Marker(), _Marker(), _Marker()
-        self._unused = UnusedSamples(events)
+        self._unused = UnusedSamples(log.events, log.meta)
         self._after_gap = True
         self._present = np.zeros(len(CHANNELS), np.bool_)
         self._step_numbers: list[IntArray] = []
