@@ -30,7 +30,7 @@ from calstation.physics import INDEX, RATE, display
 from calstation.records import PriorSection, context_from_meta, open_log
 from calstation.records.meta import SecondaryImuSection
 from calstation.reports import ReportRequest, build_certificate, issue_report, write_dcc
-from calstation.reports.analysis import Analysis
+from calstation.reports.analysis import Analysis, _SigmaRecorder
 from calstation.reports.budget import LATITUDE_ERROR_DEG
 from calstation.reports.content import arrangement, unit_registers
 from calstation.reports.deviations import deviations, not_included
@@ -729,6 +729,20 @@ def test_labels_are_in_both_languages() -> None:
     assert list(texts["en"]) == list(texts["zh"])
     assert all(texts["en"].values())
     assert all(texts["zh"].values())
+
+
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_all_samples_of_a_recording_that_names_no_stages_count_once(made: Made) -> None:
+    log = open_log(made.result_file.with_suffix(".h5"))
+    recorder = _SigmaRecorder(log, log.meta, made.certificate.result)
+    blocks = [replace(block, stage="") for block in log.blocks()]
+    for block in blocks * 2:  # the solver reads such a recording twice
+        recorder.observe(block)
+    recorder.unused.close()
+    known, found = np.concatenate([b.temperature[b.valid] for b in blocks]), recorder.temperature()
+    assert found is not None
+    assert (found.mean, found.min, found.max) == pytest.approx((known.mean(), known.min(), known.max()), abs=1e-3)
+    assert recorder.unused.invalid + recorder.unused.paused == sum(int(np.sum(~b.valid)) for b in blocks)
 
 
 @pytest.mark.long

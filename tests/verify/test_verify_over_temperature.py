@@ -88,7 +88,13 @@ def _missing(over: dict[str, Any]) -> None:
 
 @pytest.mark.usefixtures("solved_once")
 @pytest.mark.parametrize(
-    ("change", "code"), [(_sign, "value"), (_rate, "value"), (_sigma, "sigma"), (_missing, "missing")]
+    ("change", "code"),
+    [
+        (_sign, "value"),
+        pytest.param(_rate, "value", marks=pytest.mark.exhaustive),
+        pytest.param(_sigma, "sigma", marks=pytest.mark.exhaustive),
+        pytest.param(_missing, "missing", marks=pytest.mark.exhaustive),
+    ],
 )
 def test_an_error_planted_in_the_coefficients_is_found(
     result: Path, tmp_path: Path, change: Callable[[dict[str, Any]], None], code: str
@@ -118,6 +124,7 @@ def test_an_error_of_calstation_is_found(
     assert "sigma" in found(solved(log, tmp_path / "planted.json"), log)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.usefixtures("solved_once")
 def test_a_wrong_reference_of_calstation_is_found(result: Path, tmp_path: Path) -> None:
     log = result.with_suffix(".h5")
