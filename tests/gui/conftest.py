@@ -110,7 +110,7 @@ def app(site_folder: SiteFolder, job_queue: SharedJobQueue, qapp: QApplication) 
 @pytest.fixture
 def engineer_page(window: MainWindow) -> None:
     """The engineer page is created with the window, as in a station, not with a run or a change of the page."""
-    _ = window._tabs["engineer_page"].page
+    window.create_engineer_page()
 
 
 @pytest.fixture
@@ -124,10 +124,10 @@ def window(
     """The window with the test station, English, light theme, shown at 1366x768.
 
     Other pages are created when they are shown, because their creation in idle time takes longer than most tests, and
-    in the suite the engineer page, which a window creates before a run, only by `engineer_page`.
+    the engineer page, which a window creates before a run, only in tests with `engineer_page`.
     """
     monkeypatch.setattr(MainWindow, "_after_first_paint", MainWindow._join_windows)
-    if request.node.get_closest_marker("long") is None:
+    if "engineer_page" not in request.fixturenames:
         monkeypatch.setattr(MainWindow, "create_engineer_page", lambda _: None)
     made = create_window(site_folder.station)
     assert isinstance(made, MainWindow)

@@ -338,6 +338,7 @@ def shown_buttons(operator: Operator) -> list[str]:
     return [button.text() for name in names if (button := operator.widget(name, QPushButton)).isVisible()]
 
 
+@pytest.mark.usefixtures("engineer_page")
 @pytest.mark.long
 def test_engine_that_dies_leaves_the_chamber_unknown(thermal: ThermalRun) -> None:
     access.set_pin("", "246813")

@@ -298,6 +298,7 @@ def test_log_path_is_locked_while_the_current_view_is_busy(
     assert page.source.isEnabled()
 
 
+@pytest.mark.usefixtures("engineer_page")
 @pytest.mark.long
 def test_guide_me_live_requires_a_manual_rig_and_opens_the_operator_page(
     select_method: Callable[[str], MethodPanel], window: MainWindow, operator: Operator, qtbot: QtBot

@@ -288,6 +288,7 @@ def test_failures_in_closing_earlier_runs_are_reported(operator: Operator) -> No
     )
 
 
+@pytest.mark.usefixtures("engineer_page")
 @pytest.mark.long
 @pytest.mark.parametrize("outcome", ["passed", "failed", "stopped"])
 def test_verdict_keeps_its_serial_number_and_the_field_is_for_the_next_unit(
@@ -350,6 +351,7 @@ def test_long_serial_number_fits_next_to_the_verdict(simulated_run: Operator) ->
     simulated_run.until(lambda: serial.fontMetrics().horizontalAdvance(serial.text()) <= serial.width(), 10.0)
 
 
+@pytest.mark.usefixtures("engineer_page")
 @pytest.mark.long
 def test_suggested_serial_number_does_not_survive_a_change_to_hardware(operator: Operator) -> None:
     operator.window.create_engineer_page()

@@ -113,6 +113,7 @@ def test_unlimited_stage_is_ended_by_a_click_and_solved(operator: Operator, page
     assert not button.isVisible()
 
 
+@pytest.mark.usefixtures("engineer_page")
 @pytest.mark.long
 def test_stage_ended_early_by_a_click_is_named_wherever_the_result_is_shown(operator: Operator) -> None:
     flips = {**PRODUCT["schedule"]["azimuth_flip"], "rounds": 50}

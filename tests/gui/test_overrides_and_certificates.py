@@ -55,6 +55,7 @@ def refused(operator: Operator) -> None:
     operator.press("override_choice")
 
 
+@pytest.mark.usefixtures("engineer_page")
 @pytest.mark.long
 def test_engineer_overrides_an_overdue_certificate(operator: Operator) -> None:
     use(operator, {}, instruments=OVERDUE)
@@ -222,6 +223,7 @@ def test_panel_for_two_engineers_fits_a_small_screen(operator: Operator, code: s
     assert details.isVisible()
 
 
+@pytest.mark.usefixtures("engineer_page")
 @pytest.mark.long
 def test_two_engineers_confirm_a_certificate(operator: Operator) -> None:
     report = {"folder": "reports", "language": "en"}
@@ -365,6 +367,7 @@ def test_certificate_of_a_simulated_run_is_asked_about_at_a_station_with_hardwar
     assert event.values["simulated"] is True
 
 
+@pytest.mark.usefixtures("engineer_page")
 @pytest.mark.long
 def test_run_reports_a_missing_certificate_folder(operator: Operator) -> None:
     use(operator, {}, report={"folder": "unmounted"})

@@ -123,6 +123,7 @@ def zoom_and_reset(plot: pg.GraphicsView, box: ZoomBox) -> None:
     np.testing.assert_allclose(box.viewRange()[1], (0.0, 1.0))
 
 
+@pytest.mark.usefixtures("engineer_page")
 @pytest.mark.long
 def test_every_plot_of_the_window_can_be_zoomed_copied_and_saved(window: MainWindow, qtbot: QtBot) -> None:
     plots = all_plots(window)

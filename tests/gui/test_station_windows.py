@@ -76,6 +76,7 @@ def test_number_for_the_next_run_is_named_so_on_the_engineer_page(
     assert "Serial number: next unit" in operator.says()
 
 
+@pytest.mark.usefixtures("engineer_page")
 @pytest.mark.long
 def test_second_window_shows_the_run_of_the_first_one_and_stops_it(
     operator: Operator, second: Operator, monkeypatch: pytest.MonkeyPatch
