@@ -53,7 +53,7 @@ def test_unit_claimed_by_another_station_gives_a_warning_only(
     notice = operator.widget("claim_notice")
     operator.until(notice.isVisible)
     assert f"{SERIAL} has also been claimed for calibration by Li Na at line 2 since" in operator.says()
-    assert operator.widget("start_button", QPushButton).isEnabled()
+    operator.until(operator.widget("start_button", QPushButton).isEnabled)
     operator.scan("SN-000043")
     assert not notice.isVisible()
     operator.scan(SERIAL)
