@@ -279,6 +279,18 @@ def test_simulated_run_is_called_simulated_in_details_comparison_and_record(
     language.use("en")
 
 
+@pytest.mark.parametrize(("code", "said"), [("en", "a full calibration is needed"), ("zh_CN", "需要完整标定")])
+def test_details_of_a_partial_run_without_a_calibration_say_what_it_lacks(
+    page: HistoryPage, folder: Path, qtbot: QtBot, code: str, said: str
+) -> None:
+    failed = check_row("sigma_below", "gyro_bias_x", 1e-2, 1e-3, passed=False)
+    write_run(folder, "SN-000001", "failed", timedelta(hours=1), partial=True, checks=[failed])
+    listed_runs(page, qtbot)
+    language.use(code)
+    assert said in page.details.reason_label.text()
+    language.use("en")
+
+
 def test_incomplete_run_is_not_compared(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
     base.write_dead_log(runs["new"].parent)
     listed_runs(page, qtbot)

@@ -114,7 +114,7 @@ def test_run_in_another_window_is_not_called_that_of_another_program(hardware: O
         hardware.window.show_page("history_page")
         (strip,) = (strip for strip in hardware.window.findChildren(RunStrip) if strip.isVisible())
         assert SERIAL in visible_text(strip)
-        assert "Another program" not in visible_text(strip)
+        assert "another program" not in visible_text(strip)
         assert hardware.run.display_state != "in_use"
 
 

@@ -186,6 +186,8 @@ class ResultView(QWidget):
         notable = [check for check in result.checks if check.near_miss or not check.passed]
         self._summary.setToolTip(plain_tip(checks_tip(notable)))
         notes = advice.result_notes(result)
+        if result.lacks_calibration:
+            notes.insert(0, say("advice.uncalibrated", stages=result.stages))
         if result.passed and result.unjudged:
             notes.insert(0, say("advice.not_judged", names=result.unjudged))
         if result.states_added and any(check.kind in _COMPENSATED for check in result.failed_checks):

@@ -233,7 +233,8 @@ class RunDetails(QFrame):
             return ""  # the note on the override states the reason
         if run.verdict.judged and result is not None:
             if result.failed_checks:
-                return say("history.failed", failure=result.failure)
+                cause = say("advice.uncalibrated", stages=result.stages) if result.lacks_calibration else ""
+                return "\n".join(filter(None, (cause, say("history.failed", failure=result.failure))))
             return advice.reason(result.verdict, result)
         reason = ""
         if run.verdict is Verdict.INCOMPLETE:
