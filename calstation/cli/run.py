@@ -18,7 +18,7 @@ from rich.table import Table
 from calstation.cli.confirmation import confirm_override
 from calstation.cli.errors import command_options, complete_commands, print_error, station_options
 from calstation.cli.process import interruption
-from calstation.cli.show import emit_json, hand_notes, on_line, plain_console, result_table, show_line
+from calstation.cli.show import emit_json, on_line, plain_console, result_notes, result_table, show_line
 from calstation.cli.text import say, sentence, term
 from calstation.config import RegisterOperation, RunRequest, load_station, with_product
 from calstation.database import Claim, start_exchange
@@ -244,9 +244,7 @@ def _show_run(run: Finalized, json: str | None, request: RunRequest) -> None:
     if json != "-":
         result_table(console, result)
     show_line(console, f"{result.serial}: {sentence(outcome_text(result))}")
-    if result.verdict is Verdict.PARTIAL and result.unjudged:
-        show_line(console, say("advice.not_judged", names=result.unjudged))
-    for note in hand_notes(result):
+    for note in result_notes(result):
         show_line(console, note)
     if result.cycle:
         show_line(console, _cycle_line(result.cycle_seconds))
@@ -297,7 +295,7 @@ def _failure_reason(result: Result) -> str:
         parts.append(say("cli.not_verified"))
     if result.verdict.passed and result.unjudged:
         parts.append(say("advice.not_judged", names=result.unjudged))
-    parts += hand_notes(result)
+    parts += result_notes(result)
     return "; ".join(filter(None, parts))
 
 

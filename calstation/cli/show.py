@@ -269,9 +269,11 @@ def _verdict_text(unobservable: bool, checks: list[Check]) -> str:
     return say("cli.verdict_ok" if all(check.passed for check in checks) else "cli.verdict_outside")
 
 
-def hand_notes(result: Result) -> list[str]:
-    """Return notes on a missing calibration and on the stages that the operator ended, and the remedy."""
+def result_notes(result: Result) -> list[str]:
+    """Return what a partial run did not judge or lacked, and the stages that the operator ended, with the remedy."""
     notes = [say("advice.uncalibrated", stages=result.stages)] if result.lacks_calibration else []
+    if result.passed and result.partial and result.unjudged:
+        notes.append(say("advice.not_judged", names=result.unjudged))
     if result.ended_by_hand:
         notes.append(say("advice.ended_by_hand", stages=result.ended_by_hand))
         if result.verdict is Verdict.FAILED and result.advice == "repeat":

@@ -98,8 +98,7 @@ class RunConfiguration:
     def changed_schedules(self) -> list[str]:
         """Stages whose schedule in the request differs from that of the product, in the order of the run."""
         changes = self.request.schedule or {}
-        changed = [s for s in self.stages if s in changes]
-        return [s for s in changed if self._schedule(s, changes[s]) != self._schedule(s, {})]
+        return [s for s in self.stages if s in changes and self._schedule(s, changes[s]) != self._schedule(s, {})]
 
     @property
     def after_registers(self) -> bool:

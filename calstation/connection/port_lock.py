@@ -79,7 +79,7 @@ def find_station_owner(path: Path | None, done: Callable[[Path | None, PortOwner
     def find() -> None:
         owner = None
         try:
-            with suppress(CalstationError, OSError):  # who opens the station is told the reason
+            with suppress(CalstationError, OSError):  # the pages show why the station is unusable
                 _, station = load_station(path)
                 owner = None if station.bench is not None else station_owner(station)
         finally:

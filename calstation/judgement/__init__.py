@@ -5,7 +5,7 @@ entries of files and logs, see `calstation.records.product`.
 """
 
 from calstation.judgement.acceptance import offline_online
-from calstation.judgement.check import Check, Where, check_names
+from calstation.judgement.check import Check, Where, short_names
 from calstation.judgement.conformity import Conformity, ParameterConformity
 from calstation.judgement.data_tests import DataTests, TestedSamples, data_faults
 from calstation.judgement.judge import (

@@ -182,7 +182,7 @@ def _margin(value: float, limit: float | tuple[float, float]) -> float:
     return limit - value
 
 
-def check_names(checks: Sequence[Check | CheckId]) -> list[Text]:
+def short_names(checks: Sequence[Check | CheckId]) -> list[Text]:
     """Return the short names of checks, with their stages where the names of several are equal."""
     names = [Text.of(f"check_short.{check.kind}", parameter=check.subject, stage=check.subject) for check in checks]
     counts = Counter(map(str, names))

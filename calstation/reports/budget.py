@@ -99,7 +99,7 @@ def solve_again(
     meta: LogMeta,
     progress: Callable[[float, str], None],
     chain: StageChain | None = None,
-    on_block: Callable[[SampleBlock], object] | None = None,
+    on_block: Callable[[SampleBlock], None] | None = None,
 ) -> StageChain:
     """Solve the stages of a result again with the configuration `meta`.
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from datetime import date
 
 from calstation.errors import CalstationError
-from calstation.judgement import check_names
+from calstation.judgement import short_names
 from calstation.messages import Text
 from calstation.parsing import parse_toml
 from calstation.records import CheckKind, InstrumentSection
@@ -114,7 +114,7 @@ def _value_deviations(certificate: Certificate) -> Iterator[Text]:
     if result.states_added:
         yield Text.of("certificate.d_states", names=[Text(f"group.{name}") for name in result.states_added])
     failed = result.failed_checks
-    for check, name in zip(failed, check_names(failed), strict=True):
+    for check, name in zip(failed, short_names(failed), strict=True):
         cause = check.cause_text
         if cause is not None:
             yield Text.of("certificate.d_cause", check=name, cause=cause)

@@ -19,7 +19,12 @@ from calstation.results.sections import CalibrationUsed, CyclePhase, Parameter, 
 
 #: Entries of `RunSection` that a result has only if they are known.
 _STATED_IF_KNOWN = (
-    *("resumed_from", "standard_override", "standard_override_by", "standard_overridden", "batch", "slot"),
+    "resumed_from",
+    "standard_override",
+    "standard_override_by",
+    "standard_overridden",
+    "batch",
+    "slot",
 )
 
 

@@ -18,8 +18,8 @@ from calstation.judgement import (
     Conformity,
     End,
     StandardComparison,
-    check_names,
     needs_full_calibration,
+    short_names,
     verdict_of,
 )
 from calstation.messages import Text, known, os_reason, values_from_json
@@ -275,7 +275,7 @@ class Result(ResultSection):
         """What failed: a limit of a parameter, narrowed if the decision rule narrowed that of any, or the checks."""
         failed = self.failed_checks
         if failed and not any(check.kind in ("within", "sigma_below") for check in failed):
-            names = check_names(failed)[:_MAX_NAMED_CHECKS]
+            names = short_names(failed)[:_MAX_NAMED_CHECKS]
             return Text.of("common.checks_failed", count=len(failed), checks=names)
         guarded = any(check.acceptance is not None for check in failed)
         return Text("common.outside_acceptance_limits" if guarded else "common.outside_limits")

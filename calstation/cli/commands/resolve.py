@@ -15,7 +15,7 @@ from calstation.cli.options import (
     command_group,
     parsed_stages,
 )
-from calstation.cli.show import emit_json, hand_notes, plain_console, residual_table, result_table
+from calstation.cli.show import emit_json, plain_console, residual_table, result_notes, result_table
 from calstation.cli.text import say, sentence
 from calstation.errors import ConfigurationError, InsufficientDataError
 from calstation.messages import event_text
@@ -77,9 +77,7 @@ def resolve(
         ending = without_verdict if passed is None else within_limits if passed else "failed"
         values = {"stages": solved.result.stages, "failure": solved.result.failure, "names": unjudged}
         out.print(say(f"cli.resolved_{ending}", **values))
-        if within_limits == "partial" and passed and unjudged:
-            out.print(say("advice.not_judged", names=unjudged))
-        for note in hand_notes(solved.result):
+        for note in result_notes(solved.result):
             out.print(note)
     if solved.missing_data:
         raise InsufficientDataError(

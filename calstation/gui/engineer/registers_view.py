@@ -186,7 +186,10 @@ class RegistersView(QWidget):
             return
         self._is_outdated = True
         self.unit, self._settled, self._error = None, None, ""
-        self._fill() if self._run is None else self.show_run(self._run)
+        if self._run is not None:
+            self.show_run(self._run)
+        else:
+            self._fill()
 
     def _read(self) -> None:
         self._is_outdated = False
@@ -483,9 +486,8 @@ class RegistersView(QWidget):
         what = [] if self._stated is None else self._stated.texts
         if self._settled is not None and self._latest is not None and self._latest.why == "hand":
             what = [Text.of("registers.written_at", time=self._latest.utc)]
-        if what:
-            wrote = say("engineer.run_wrote", what=what)
-            texts.append(wrote[0].upper() + wrote[1:])
+        wrote = say("engineer.run_wrote", what=what) if what else ""
+        texts += [wrote[0].upper() + wrote[1:]] if wrote else []
         if self._why_no_target:
             texts.append(say(self._why_no_target))
         if (unit := self.unit) is not None:

@@ -8,6 +8,7 @@ from calstation.gui.operator import advice
 from calstation.gui.state import ReleaseBar
 from calstation.gui.text import (
     KINDS,
+    check_names,
     checks_tip,
     is_parameter_check,
     on_language_change,
@@ -171,7 +172,7 @@ class ResultView(QWidget):
             passed = count - failed
             texts.append(say("engineer.checks_passed", passed=passed, count=count))
             if failed:
-                texts.append(say("engineer.checks_failed", names=advice.failed_names(result)))
+                texts.append(say("engineer.checks_failed", names=check_names(result.failed_checks)))
         if near := sum(check.near_miss for check in result.checks):
             texts.append(say("engineer.near_misses", count=near))
         if result.conformity is not None:

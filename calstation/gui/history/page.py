@@ -21,7 +21,7 @@ from calstation.gui.history.run_table import RunTable
 from calstation.gui.history.trend import MAX_TREND
 from calstation.gui.history.versions_view import VersionsView
 from calstation.gui.operator import CertificateButton, LabelButton, UnprintedNotice
-from calstation.gui.state import AppContext, FileExport, Page, ReleaseBar
+from calstation.gui.state import AppContext, FileExport, Page, ReleaseBar, ask_to_sign_in
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import (
     Choice,
@@ -45,9 +45,6 @@ from calstation.sequencer import Event, Finalized
 
 #: Time after which a visible page reads the folder again, because other programs add runs to it, ms.
 _REFRESH_MS = 60_000
-
-#: Object name of the button that closes the notice that nobody has signed in.
-_SIGN_IN = "history_sign_in_close"
 
 
 class HistoryPage(Page):
@@ -199,7 +196,7 @@ class HistoryPage(Page):
 
     def _connect(self) -> None:
         details, app = self.details, self.app
-        self._filters.changed.connect(lambda: self.show_runs())
+        self._filters.changed.connect(self.show_runs)
         self.table.selected.connect(self._show_details)
         self._list_timer.timeout.connect(self._show_refreshed)
         self._details_timer.timeout.connect(self._show_details)
@@ -217,7 +214,6 @@ class HistoryPage(Page):
         app.engine_link.event.connect(self._handle_event)
         app.runs_folder_changed.connect(self._list_visible)
         app.result_changed.connect(lambda _: self._list_visible())
-        app.operator_changed.connect(self._operator_changed)
         app.engine_link.running_changed.connect(lambda _: self._update())
         finder = QShortcut(QKeySequence.StandardKey.Find, self, self._filters.search_edit.setFocus)
         finder.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
@@ -366,16 +362,10 @@ class HistoryPage(Page):
 
     def _close_run(self) -> None:
         if self.app.badge_required:
-            close = Choice(_SIGN_IN, "common.close", self.table.setFocus)
-            self.notice.ask("caution", "common.run_not_closed", "operator.sign_in", (close,))
+            ask_to_sign_in(self.app, self.notice, "common.run_not_closed", "operator.sign_in", self.table.setFocus)
         elif self.table.run is not None:
             self._closer.start((self.table.run.log,), self.app.person or None)
             self._update()
-
-    def _operator_changed(self) -> None:
-        """Remove the notice that nobody has signed in after somebody has."""
-        if self.notice.offers(_SIGN_IN) and not self.app.badge_required:
-            self.notice.dismiss()
 
     # ---- actions on several runs
 

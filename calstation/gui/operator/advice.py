@@ -8,7 +8,6 @@ from calstation.errors import CalstationError
 from calstation.gui.text import (
     about,
     check_name,
-    check_names,
     check_text,
     is_parameter_check,
     is_product_check,
@@ -129,11 +128,6 @@ def brief_reason(outcome: str, result: Result | None) -> str:
     worst, count = failing[0], len(result.failed_checks)
     text = f"{worst.name} σ" if worst.by_sigma else worst.name
     return text if count == 1 else say("advice.and_more", names=text, more=count - 1)
-
-
-def failed_names(result: Result) -> str:
-    """Return the names of up to three failed checks, those furthest outside their limits, and the number of others."""
-    return check_names(result.failed_checks)
 
 
 def brief_action(outcome: str, result: Result | None) -> str:

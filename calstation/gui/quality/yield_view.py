@@ -25,7 +25,7 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
-from calstation.judgement import check_names
+from calstation.judgement import short_names
 from calstation.quality import FailedCheck, Share, Yields
 
 #: Maximum number of failed checks in the plot.
@@ -166,7 +166,7 @@ class Pareto(ThemedPlot, DataView[tuple[FailedCheck, ...]]):
         rows = np.arange(len(data))
         runs = [check.runs for check in data]
         self.addItem(pg.BarGraphItem(x0=0, y=rows, height=0.7, width=runs, brush=theme.faint(c.bad, 110), pen=c.line))
-        names = check_names([check.id for check in data])
+        names = short_names([check.id for check in data])
         self.getAxis("left").setTicks([list(enumerate(map(say, names)))])
         for k, check in enumerate(data):
             text = pg.TextItem(f"{check.runs}   {100 * check.cumulative:.0f} %", color=c.text, anchor=(0, 0.5))

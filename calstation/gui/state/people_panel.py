@@ -1,4 +1,4 @@
-"""The panel in which one or two people confirm an action, and the bar that releases a failed unit."""
+"""The notice that asks to sign in, the panel in which people confirm an action, and the bar that releases a unit."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -11,12 +11,29 @@ from calstation.config import ConfirmationRequired, Person
 from calstation.errors import CalstationError
 from calstation.gui.state.context import AppContext
 from calstation.gui.text import Words, bind, on_language_change, say
-from calstation.gui.widgets import button, column, enable, grid, label, row, show_text, theme
+from calstation.gui.widgets import Choice, NoticeBar, button, column, enable, grid, label, row, show_text, theme
 from calstation.messages import Text
 from calstation.results import Result, override_required, override_result
 
 #: Function that receives the reason, the acting person, and the confirming person if one is required.
 ConfirmedCallback = Callable[[str, Person, Person | None], None]
+
+#: Object name of the button that closes the notice that nobody has signed in.
+_SIGN_IN = "sign_in_close_button"
+
+
+def ask_to_sign_in(app: AppContext, notice: NoticeBar, title: Words, text: Words, then: Callable[[], None]) -> None:
+    """Say that nobody has signed in, until somebody has; `then` is called after the notice has been closed."""
+
+    def remove() -> None:
+        if app.badge_required:
+            return
+        app.operator_changed.disconnect(remove)
+        if notice.offers(_SIGN_IN):
+            notice.dismiss()
+
+    notice.ask("caution", title, text, (Choice(_SIGN_IN, "common.close", then),))
+    app.operator_changed.connect(remove)
 
 
 class PeoplePanel(QFrame):

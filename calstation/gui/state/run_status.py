@@ -166,8 +166,7 @@ class RunStatus(QObject):
     def display_state(self) -> str:
         """`state`, ``writing`` registers, ``monitoring``, ``in_use`` by another program, or ``not_ready`` for a run."""
         if self.state == "idle":
-            used = self.program if self.elsewhere is None else None
-            causes = {"in_use": used, "monitoring": self.monitoring, "not_ready": self.problem}
+            causes = {"in_use": self.other_program, "monitoring": self.monitoring, "not_ready": self.problem}
             return next((name for name, cause in causes.items() if cause is not None), self.state)
         return "writing" if self.register_operation and self.state == "running" else self.state
 
@@ -300,16 +299,6 @@ class RunStatus(QObject):
         """End the run of units that will fail after the current step; they are judged from their solved stages."""
         self._link.send(Command.END_FAILING)
 
-    @property
-    def why_not_end_stage(self) -> str:
-        """Reason why the current stage cannot be ended early, a term of the family ``end_stage``; "" if it can."""
-        stage = self.stage
-        if stage is None or self.state != "running":
-            return "no_stage"
-        if stage.state != "active" or not stage.repeated:
-            return "not_repeated"
-        return "ending" if stage.name == self.stage_ending else ""
-
     def acknowledge(self) -> None:
         """Clear the fault and disconnect from the engine, so that a run can start.
 
@@ -369,9 +358,14 @@ class RunStatus(QObject):
         return "window.busy_registers" if self.register_operation else "window.busy_run"
 
     @property
+    def other_program(self) -> Text | None:
+        """`program`, unless it is the first window of the station, which `elsewhere` describes."""
+        return self.program if self.elsewhere is None else None
+
+    @property
     def occupied(self) -> Text | None:
         """Which other window or program of this computer uses the station, so that no run can start, or None."""
-        return self.program if self.elsewhere is None else Text("question.other_window")
+        return self.other_program if self.elsewhere is None else Text("question.other_window")
 
     @property
     def why_not_start(self) -> str | Text:

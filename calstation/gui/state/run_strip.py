@@ -62,8 +62,8 @@ class RunStrip(QWidget):
             parts = [term("stage", run.stage.name), f"{100.0 * run.stage.fraction:.0f} %"]
         if closed:
             parts = [chamber_reason(run)]
-        elif run.occupied is not None and run.elsewhere is None and not run.in_progress:
-            parts = [rendered(run.occupied).text]
+        elif run.other_program is not None and not run.in_progress:
+            parts = [rendered(run.other_program).text]
         elif run.remaining is not None:
             parts.append(say("common.time_left", time=duration_text(run.remaining)))
         if self._idle and not parts and not run.in_progress:
@@ -91,9 +91,9 @@ def run_badge(run: RunStatus) -> tuple[str, str]:
     """Return the shape and the text of the badge of a run.
 
     In another window of the station, it is the run of the first one. Another program that uses the station comes
-    before the last run. The text states whether a run in progress is
-    partial. After a run of several units, it counts the outcomes, and the shape is that of the worst. A table that may
-    still move and a chamber that must stay closed come first.
+    before the last run. The text states whether a run in progress is partial. After a run of several units, it counts
+    the outcomes, and the shape is that of the worst. A table that may still move and a chamber that must stay closed
+    come first.
     """
     kind, text = _state_badge(run)
     if run.stop_incomplete:
@@ -139,7 +139,7 @@ class EndStageButton(QPushButton):
         on_language_change(self, self._refresh)
 
     def _refresh(self) -> None:
-        run, why_not = self._run, self._run.why_not_end_stage
+        run, why_not = self._run, _why_not_end_stage(self._run)
         self.setVisible(run.in_progress and not run.register_operation and not run.by_hand and self._allowed())
         enable(self, term("end_stage", why_not) if why_not else "", say("window.end_stage_tip"))
 
@@ -195,3 +195,13 @@ class ExchangeLabel(PlainLabel):
         if state.archive_error is None or not count:
             return ""
         return say("window.logs_wait", count=count)
+
+
+def _why_not_end_stage(run: RunStatus) -> str:
+    """Return why the current stage cannot be ended early, a term of the family ``end_stage``; "" if it can."""
+    stage = run.stage
+    if stage is None or run.state != "running":
+        return "no_stage"
+    if stage.state != "active" or not stage.repeated:
+        return "not_repeated"
+    return "ending" if stage.name == run.stage_ending else ""

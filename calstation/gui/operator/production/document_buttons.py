@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QPushButton
 
 from calstation.config import ConfirmationRequired, Person, computer_user
 from calstation.errors import CalstationError
-from calstation.gui.state import AppContext, PeoplePanel
+from calstation.gui.state import AppContext, PeoplePanel, ask_to_sign_in
 from calstation.gui.text import Words, bind, language, say
 from calstation.gui.widgets import Choice, JobWatch, NoticeBar, plain_tip
 from calstation.messages import Text
@@ -28,9 +28,6 @@ from calstation.reports import (
     states_of_issue,
 )
 from calstation.results import Result
-
-#: Object name of the button that closes the notice that nobody has signed in.
-_SIGN_IN = "documents_sign_in_close"
 
 
 class UnprintedNotice(NoticeBar):
@@ -202,7 +199,6 @@ class _IssueButton(_DocumentButton):
         super().__init__(app, name, notice, then)
         self._source: Path | list[Path] | None = None
         self.panel = PeoplePanel(name)
-        app.operator_changed.connect(self._operator_changed)
 
     def _connect(self, title: str, state_watch: JobWatch, watch: JobWatch) -> None:
         """Follow the jobs; `title` is the code of the text of the button without them."""
@@ -224,11 +220,6 @@ class _IssueButton(_DocumentButton):
         self._set_busy(self._state_watch.busy or self.watch.busy)
         self.setText(self._text())
 
-    def _operator_changed(self) -> None:
-        """Remove the notice that nobody has signed in after somebody has."""
-        if self._notice.offers(_SIGN_IN) and not self._app.badge_required:
-            self._notice.dismiss()
-
     def _retry(self) -> None:
         """Keep what was entered on a refusal, except the PINs."""
         if not self.panel.isHidden():
@@ -248,8 +239,9 @@ class _IssueButton(_DocumentButton):
         Returns None, with a notice, if nobody has signed in at a station with badges.
         """
         if required.badge and self._app.badge_required:
-            close = Choice(_SIGN_IN, "common.close", self._then)
-            self._notice.ask("caution", "operator.no_certificate", "operator.certificate_sign_in", (close,))
+            ask_to_sign_in(
+                self._app, self._notice, "operator.no_certificate", "operator.certificate_sign_in", self._then
+            )
             return None
         unlocked = self._app.author.pin == "personal"
         return Person(self._by(required) or computer_user() or "-", unlocked=unlocked)
