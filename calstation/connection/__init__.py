@@ -27,5 +27,5 @@ from calstation.connection.link_test import (
 )
 from calstation.connection.live_pair import LivePair, open_pair
 from calstation.connection.pair_process import PairProcess, PairStatus
-from calstation.connection.port_lock import PortOwner, find_station_owner, station_owner
+from calstation.connection.port_lock import PortLockError, PortOwner, find_station_owner, station_owner
 from calstation.connection.table_reset import TableReset, TableState, read_table, reset_table

@@ -33,6 +33,10 @@ ENGINE = "calstation engine"
 _LOCK_TIMEOUT = 3.0
 
 
+class PortLockError(DeviceFaultError):
+    """A port could not be locked, and nothing was sent to its device (exit code 3)."""
+
+
 @dataclass(frozen=True)
 class PortOwner:
     """A process that uses a port, according to its lock file.
@@ -90,7 +94,7 @@ def find_station_owner(path: Path | None, done: Callable[[Path | None, PortOwner
 
 @contextmanager
 def lock_ports(ports: Iterable[str]) -> Iterator[None]:
-    """Lock ports, given by any of their names. Raises DeviceFaultError, which names the process that uses a port."""
+    """Lock ports, given by any of their names. Raises PortLockError, which names the process that uses a port."""
     devices = {device: port for port in ports for device in _devices(port)}
     with ExitStack() as stack:
         for device in sorted(devices):  # the fixed order prevents two processes from waiting for each other
@@ -104,7 +108,7 @@ def _locked(device: str, port: str) -> Iterator[None]:
     try:
         handle = _open(path)
     except OSError as exc:
-        raise DeviceFaultError("connection.lock_failed", port=port, path=str(path), cause=os_reason(exc)) from exc
+        raise PortLockError("connection.lock_failed", port=port, path=str(path), cause=os_reason(exc)) from exc
     try:
         if not acquire_lock(handle, _LOCK_TIMEOUT):
             raise _in_use_fault(port, path)
@@ -140,12 +144,12 @@ def _open(path: Path) -> int:
             return handle
 
 
-def _in_use_fault(port: str, path: Path) -> DeviceFaultError:
+def _in_use_fault(port: str, path: Path) -> PortLockError:
     """Return the fault for a port in use, with the owner from the lock file."""
     owner = _read_owner(path)
     if owner is None:
-        return DeviceFaultError("connection.port_in_use_unknown", port=port)
-    return DeviceFaultError("connection.port_in_use", port=port, pid=owner.pid, user=owner.user, since=owner.since)
+        return PortLockError("connection.port_in_use_unknown", port=port)
+    return PortLockError("connection.port_in_use", port=port, pid=owner.pid, user=owner.user, since=owner.since)
 
 
 def station_owner(station: StationConfig) -> PortOwner | None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from calstation import applog
 from calstation.config import RunConfiguration, RunRequest
-from calstation.connection import Devices, open_devices
+from calstation.connection import Devices, PortLockError, open_devices
 from calstation.devices import Imu
 from calstation.devices.imu import flash_registers
 from calstation.errors import CalstationError, DeviceFaultError
@@ -43,8 +43,8 @@ logger = logging.getLogger(__name__)
 def execute(request: RunRequest, emit: Emit, control: Control, hooks: type[RunHooks] | None = None) -> None:
     """Execute a run, write a result JSON next to each log, and emit the verdict on every unit.
 
-    Raises ConfigurationError or InputError, before any
-    device is opened, if the run is not possible as requested.
+    Raises ConfigurationError or InputError if the run is not possible as requested, and PortLockError if another
+    program uses a port; then no device has been opened, and the run has no log and is no attempt.
 
     Parameters
     ----------
@@ -78,6 +78,8 @@ def _run(units: tuple[PreparedRun, ...]) -> None:
                 evaluations = _open(units, devices, runs)
             with applog.run(_name(runs)), _closing_on_error(runs):
                 _drive(evaluations, devices)
+    except PortLockError:
+        raise
     except (DeviceFaultError, StopRequested) as error:
         unopened = units[len(runs) :]
         if not unopened:

@@ -30,8 +30,9 @@ from calstation.connection import (
 from calstation.connection.port_lock import ENGINE, lock_ports
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.registers import read_unit
+from calstation.results import History
 from calstation.runs import execute
-from calstation.sequencer import Control, Event, Fault, Finalized
+from calstation.sequencer import Control
 from tests.connection.fake_links import SITE, FakeTable, order, server
 from tests.helpers import ignore_progress, raises_code
 
@@ -80,12 +81,7 @@ class Station:
         self.request = RunRequest("SN-000042", self.station, None, ("rate",), folder / "runs", "wang")
 
     def run(self) -> None:
-        """Run, and raise the fault of the run."""
-        events: list[Event] = []
-        execute(self.request, events.append, Control())
-        assert isinstance(events[-1], Finalized)
-        (fault,) = [event for event in events if isinstance(event, Fault)]
-        raise DeviceFaultError(fault.code, **fault.values)
+        execute(self.request, ignore_progress, Control())
 
 
 @pytest.fixture
@@ -126,13 +122,27 @@ def test_a_second_owner_is_refused_before_a_byte_is_sent(opened: tuple[Station, 
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("command", ["table status", "run --serial SN-000042 --stages rate --yes"])
 def test_command_line_reports_a_port_in_use_in_one_line(
-    opened: tuple[Station, list[bytes]], capsys: pytest.CaptureFixture[str]
+    opened: tuple[Station, list[bytes]], command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     hall, _ = opened
+    out = ["--out", str(hall.request.out)] if command.startswith("run") else []
     with owner(f"tcp://{hall.address}"):
-        assert run_app(["table", "status", "--station", str(hall.station)]) == 3
-    assert f"calstation: Port tcp://{hall.address} is in use by another" in capsys.readouterr().err
+        assert run_app([*command.split(), "--station", str(hall.station), *out]) == 3
+    printed = capsys.readouterr()
+    assert f"calstation: Port tcp://{hall.address} is in use by another" in printed.err
+    assert printed.err.count("in use") == 1
+    assert printed.out == ""
+
+
+def test_run_at_a_station_in_use_is_no_attempt_of_its_unit(opened: tuple[Station, list[bytes]]) -> None:
+    hall, heard = opened
+    with lock_ports([f"tcp://{hall.address}"]), raises_code(DeviceFaultError, "connection.port_in_use"):
+        hall.run()
+    assert heard == []
+    assert [path.name for path in hall.request.out.glob("SN-*")] == []
+    assert History(hall.request.out).attempts("SN-000042") == 0
 
 
 @pytest.mark.long
