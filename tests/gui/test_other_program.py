@@ -63,14 +63,20 @@ def press_stop(operator: Operator) -> None:
 
 
 @pytest.mark.parametrize(
-    ("code", "used", "remedy", "badge", "stopped"),
+    ("code", "used", "remedy", "badge", "stopped", "afterwards"),
     [
-        ("en", "process {pid} of wang", "STOP and Esc in this window stop its run", "IN USE", "told to stop its run"),
-        ("zh_CN", "用户 wang 的进程 {pid}", "会安全停止它的标定", "使用中", "安全停止标定"),
+        (
+            *("en", "process {pid} of wang", "STOP and Esc in this window stop its run", "IN USE"),
+            *("told to stop its run", "The run of process {pid} of wang was stopped from this window"),
+        ),
+        (
+            *("zh_CN", "用户 wang 的进程 {pid}", "会安全停止它的标定", "使用中"),
+            *("安全停止标定", "已从本窗口停止用户 wang 的进程 {pid} 的标定"),
+        ),
     ],
 )
 def test_run_of_another_program_is_shown_and_stopped(
-    hardware: Operator, code: str, used: str, remedy: str, badge: str, stopped: str
+    hardware: Operator, code: str, used: str, remedy: str, badge: str, stopped: str, afterwards: str
 ) -> None:
     hardware.window.app.set_language(code)
     start = hardware.widget("start_button", QPushButton)
@@ -92,6 +98,17 @@ def test_run_of_another_program_is_shown_and_stopped(
         hardware.window.show_page("operator_page")
         hardware.until(start.isEnabled)
         assert badge not in hardware.says()
+        assert afterwards.format(pid=process.pid) in hardware.says()
+        hardware.scan(SERIAL)
+        assert afterwards.format(pid=process.pid) not in hardware.says(), "it concerns the run before the next scan"
+
+
+def test_run_that_ends_by_itself_is_not_said_to_be_stopped(hardware: Operator) -> None:
+    with owner(port_lock.ENGINE) as process:
+        hardware.until(lambda: hardware.run.display_state == "in_use")
+        process.kill()
+        hardware.until(lambda: hardware.run.display_state == "idle")
+        assert str(process.pid) not in hardware.says()
 
 
 @pytest.mark.parametrize(

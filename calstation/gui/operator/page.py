@@ -160,6 +160,7 @@ class OperatorPage(Page):
             entered.connect(self._show_readiness)
         header.serial_edit.textChanged.connect(self._show_readiness)
         header.serial_edited.connect(self._documents.dismiss)
+        app.port_watch.stopped.connect(lambda notice: ask(self._documents, "stopped", notice, {}))
         self.notice.changed.connect(self._show_readiness)
         header.product_combo.opening.connect(self._mark_products)
         header.product_selected.connect(app.set_product)

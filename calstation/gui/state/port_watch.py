@@ -17,6 +17,7 @@ _INTERVAL_MS = 1000
 class PortWatch(QObject):
     """Shows the program that uses the devices of the station as `RunStatus.program`, and passes STOP to its run."""
 
+    stopped = Signal(Text)  #: Emitted with a notice when the run of another program has ended after STOP here.
     _read = Signal(object, object)
 
     def __init__(self, run: RunStatus, parent: QObject | None = None) -> None:
@@ -56,7 +57,10 @@ class PortWatch(QObject):
         self._reading = False
         if station == self._station:
             own = owner is not None and os.getpid() in (owner.pid, owner.parent)
+            previous, stopping = self._owner, self._effect == "stopping"
             self._set_owner(None if own else owner)
+            if previous is not None and stopping and self._owner != previous:
+                self.stopped.emit(Text.of("question.program_stopped", pid=previous.pid, user=previous.user))
 
     def _set_owner(self, owner: PortOwner | None) -> None:
         if owner != self._owner:
