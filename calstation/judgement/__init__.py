@@ -17,6 +17,7 @@ from calstation.judgement.judge import (
     is_partial,
     judge,
     needs_full_calibration,
+    remedy_of,
     verdict_of,
 )
 from calstation.judgement.limits import (

@@ -35,6 +35,16 @@ _OF_SITE: tuple[CheckKind, ...] = ("latitude", "heading", "start_attitude")
 _FAR = 3.0
 #: Kinds of checks that a partial run fails if the current calibration is missing, too old or no longer agrees.
 _OF_CALIBRATION: frozenset[CheckKind] = frozenset({"sigma_below", "unobservable", "change"})
+#: Causes that reseating the unit can remove: its mounting, its cable, or a disturbance of the table.
+_OF_MOUNTING = frozenset({
+    "mount_unlike", "heading_unlike", "spikes", "stuck", "table_vibrates", "gyro_moving_bias", "accel_moving_bias",
+    "excess_shift", "excess_scatter", "excess_there", "excess_spread", NO_SINGLE_EFFECT,
+})  # fmt: skip
+#: Causes that may be gone when the run is repeated, for instance after the unit has warmed up.
+_OF_TIME = frozenset({
+    "temperature_changed", "drift", "drift_throughout", "jump", "jump_before", "gyro_bias_wanders", "changed_in_time",
+    "stages_disagree",
+})  # fmt: skip
 #: Ratio of the measured to the stated noise from which the noise is a cause.
 _NOTABLE_NOISE = 1.2
 
@@ -245,6 +255,20 @@ def needs_full_calibration(checks: Collection[Check], *, partial: bool) -> bool:
     return partial and bool(uncertain) and all(explained)
 
 
+def remedy_of(checks: Collection[Check], *, partial: bool) -> str | None:
+    """Return the action that the failed checks ask for: ``full_calibration``, ``repeat``, ``ask_engineer``, or None.
+
+    The first failed check with a cause decides. Causes in a profile, in the site, or inside the unit are for an
+    engineer. None stands for the action of the product.
+    """
+    if needs_full_calibration(checks, partial=partial):
+        return "full_calibration"
+    cause = next((check.diagnosis.cause for check in checks if not check.passed and check.diagnosis is not None), None)
+    if cause is None or cause in _OF_MOUNTING:
+        return None
+    return "repeat" if cause in _OF_TIME else "ask_engineer"
+
+
 def _is_of_uncertain(check: Check, uncertain: Collection[str]) -> bool:
     """Return whether a check is about the value of a parameter that is too uncertain, and has no other cause."""
     return check.kind == "within" and check.subject in uncertain and check.diagnosis is None
@@ -257,12 +281,12 @@ def advice(
     *,
     resumable: bool,
     shortened: bool = False,
-    full_calibration: bool = False,
+    remedy: str | None = None,
 ) -> str | None:
     """Return the recommended action; None for a unit that passed.
 
-    It is ``reseat``, ``repeat``, ``set_aside``, ``resume`` or ``full_calibration``. As long as attempts are allowed, a
-    run that the operator `shortened` by ending a stage is repeated in full.
+    It is ``reseat``, ``repeat``, ``set_aside``, ``resume``, ``full_calibration`` or ``ask_engineer``. As long as
+    attempts are allowed, a run that the operator `shortened` by ending a stage is repeated in full.
 
     Parameters
     ----------
@@ -271,16 +295,19 @@ def advice(
     failures : number of consecutive failed runs, including this one
     resumable : whether a run that was not completed can be resumed
     shortened : whether the operator ended a solved stage before its schedule did
-    full_calibration : whether only a full calibration is a remedy, see `needs_full_calibration`
+    remedy : action that the failed checks ask for, see `remedy_of`
     """
     if verdict.passed:
         return None
     if verdict is not Verdict.FAILED:
         return "resume" if resumable else "repeat"
+    if remedy == "ask_engineer":
+        return remedy
     if product.attempts_allowed is not None and failures >= product.attempts_allowed:
         return "set_aside"
-    if full_calibration:
-        return "full_calibration"
+    if remedy == "full_calibration":
+        return remedy
     if shortened:
         return "repeat"
-    return product.advice[min(failures, len(product.advice)) - 1]
+    advised = product.advice[min(failures, len(product.advice)) - 1]
+    return remedy or advised if advised == "reseat" else advised

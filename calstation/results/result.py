@@ -94,7 +94,7 @@ class Result(ResultSection):
     observability: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
     details: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
     outcome: Literal["passed", "failed", "stopped", "fault", "incomplete", "resolved"]
-    advice: str | None = None  #: Recommended action: reseat, repeat, set_aside, resume or full_calibration.
+    advice: str | None = None  #: Recommended action, see `calstation.judgement.advice`.
     attempt: int = 1
     operator: str | None = None
     station: str | None = None

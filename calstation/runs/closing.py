@@ -15,7 +15,7 @@ from threading import Thread
 
 from calstation.config import RunConfiguration, confirmation_required, missing_report_paths
 from calstation.errors import ConfigurationError
-from calstation.judgement import End, advice, judge, latitude_agrees, needs_full_calibration, verdict_of
+from calstation.judgement import End, advice, judge, latitude_agrees, remedy_of, verdict_of
 from calstation.quality import table_charts
 from calstation.records import RunFilter, Verdict, stages_ended_by_hand
 from calstation.reports import station_request
@@ -68,7 +68,7 @@ def close_run(run: OpenRun, ended: RunEnd) -> None:
             failures,
             resumable=resumable,
             shortened=bool(by_hand),
-            full_calibration=needs_full_calibration(judgement.checks, partial=judgement.partial) and not shortened,
+            remedy=remedy_of(judgement.checks, partial=judgement.partial and not shortened),
         ),
         cycle=run.prepared.cycle.phases(),
         ended_utc=datetime.now(UTC).isoformat(),

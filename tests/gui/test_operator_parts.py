@@ -10,6 +10,7 @@ import pytest
 from PySide6.QtWidgets import QApplication, QLabel
 from pytestqt.qtbot import QtBot
 
+from calstation.estimation import Diagnosis
 from calstation.gui.logs.comparison import Comparison
 from calstation.gui.operator import FiguresTable, advice
 from calstation.gui.operator.live.convergence import Convergence
@@ -77,6 +78,28 @@ def test_partial_run_without_a_current_calibration_asks_for_a_full_one(
     with_calibration = advice.reason("failed", result_with(**flips, calibration=calibration))
     assert with_calibration.replace("\u00a0", " ") in reason
     assert with_calibration.replace("\u00a0", " ") != reason
+    language.use("en")
+
+
+@pytest.mark.parametrize(
+    ("code", "reason", "action", "remedy"),
+    [
+        ("en", "The IMU outputs 200.1", "Set the unit aside for the engineer", "Correct sample_rate_hz, or the clock"),
+        ("zh_CN", "IMU 每秒输出 200.1", "把产品放到一边，交给工程师", "请改正 sample_rate_hz 或时钟"),
+    ],
+)
+def test_fault_of_the_clock_is_for_an_engineer_who_reads_its_remedy(
+    code: Language, reason: str, action: str, remedy: str
+) -> None:
+    language.use(code)
+    values = {"reference": "station", "ppm": 500.0, "ppm_sigma": 1.0, "rate": 200.1}
+    diagnosis = Diagnosis("sample_clock", 5e-4, 1e-6, values=values)
+    row = Check("sample_clock", "rate", 5e-4, 1e-4, "1", passed=False, diagnosis=diagnosis).to_json()
+    result = result_with(checks=[row], advice="ask_engineer")
+    assert reason in advice.reason("failed", result)
+    assert advice.next_action("failed", result).startswith(action)
+    assert advice.next_action("failed", result, engineer=True).startswith(remedy)
+    assert not advice.repeats(result)
     language.use("en")
 
 

@@ -1,11 +1,15 @@
 """The verdict follows from the judgement and the end of the run; the result JSON and the next action follow from it."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from calstation.config import ProductConfig, library, load_product
-from calstation.judgement import End, advice, verdict_of
+from calstation.estimation import Diagnosis
+from calstation.judgement import Check, End, advice, remedy_of, verdict_of
+from calstation.judgement.judge import _OF_MOUNTING, _OF_TIME
+from calstation.messages import entry
 from calstation.records import Verdict
 from calstation.results import Result
 
@@ -79,7 +83,42 @@ def test_failed_unit_with_a_stage_ended_by_hand_is_not_reseated(
 ) -> None:
     assert advice(product, Verdict.FAILED, 1, resumable=False, shortened=True) == "repeat"
     assert advice(product, Verdict.PASSED, 0, resumable=False, shortened=True) is None
-    assert advice(product, Verdict.FAILED, 1, resumable=False, full_calibration=True) == "full_calibration"
-    assert advice(product, Verdict.PASSED, 0, resumable=False, full_calibration=True) is None
+    assert advice(product, Verdict.FAILED, 1, resumable=False, remedy="full_calibration") == "full_calibration"
+    assert advice(product, Verdict.PASSED, 0, resumable=False, remedy="full_calibration") is None
     limited = product.model_copy(update={"attempts_allowed": 1})
+    assert advice(limited, Verdict.FAILED, 1, resumable=False, remedy="ask_engineer") == "ask_engineer"
     assert advice(limited, Verdict.FAILED, 1, resumable=False, shortened=True) == "set_aside"
+
+
+@pytest.mark.parametrize(
+    ("causes", "actions"),
+    [
+        ((None,), ["reseat", "repeat", "set_aside"]),
+        (("mount_unlike",), ["reseat", "repeat", "set_aside"]),
+        (("spikes",), ["reseat", "repeat", "set_aside"]),
+        (("excess_shift",), ["reseat", "repeat", "set_aside"]),
+        (("drift",), ["repeat", "repeat", "set_aside"]),
+        (("temperature_changed",), ["repeat", "repeat", "set_aside"]),
+        (("sample_clock",), ["ask_engineer"] * 3),
+        (("clipped",), ["ask_engineer"] * 3),
+        (("latitude_unlike",), ["ask_engineer"] * 3),
+        (("gravity_uncertain",), ["ask_engineer"] * 3),
+        (("g_sensitivity",), ["ask_engineer"] * 3),
+        ((None, "sample_clock", "excess_shift"), ["ask_engineer"] * 3),
+        (("spikes", "sample_clock"), ["reseat", "repeat", "set_aside"]),
+    ],
+)
+def test_advice_follows_from_the_first_cause(
+    product: ProductConfig, causes: tuple[str | None, ...], actions: list[str]
+) -> None:
+    passed = Check("effects", "rate", 1.0, 2.0, "1", passed=True)
+    diagnoses = (None if cause is None else Diagnosis(cause) for cause in causes)
+    checks = [passed, *(replace(passed, passed=False, diagnosis=diagnosis) for diagnosis in diagnoses)]
+    remedy = remedy_of(checks, partial=False)
+    taken = [advice(product, Verdict.FAILED, failures, resumable=False, remedy=remedy) for failures in (1, 2, 3)]
+    assert taken == actions
+
+
+def test_causes_that_are_not_for_an_engineer_are_in_the_catalogue() -> None:
+    for cause in _OF_MOUNTING | _OF_TIME:
+        assert entry(f"cause.{cause}").remedy

@@ -102,8 +102,15 @@ def register_state(result: Result, runs: Path) -> str:
     return "" if state is None else "  ·  ".join(map(say, state.texts))
 
 
-def next_action(outcome: str, result: Result | None, *, in_batch: bool = False) -> str:
-    """Return the next action for the unit, as a sentence; for one `in_batch`, without the scan of the next unit."""
+def next_action(outcome: str, result: Result | None, *, in_batch: bool = False, engineer: bool = False) -> str:
+    """Return the next action for the unit, as a sentence.
+
+    For a unit `in_batch`, it is without the scan of the next one. An engineer reads the remedy of the cause.
+    """
+    if engineer and result is not None and _action(outcome, result) == "ask_engineer":
+        checks = filter(None, (result.missing_state, *result.failed_checks))
+        if (cause := next(filter(None, (check.cause_text for check in checks)), None)) is not None:
+            return rendered(cause).remedy
     if in_batch and _action(outcome, result) in ("next_unit", "ask_engineer", "set_aside"):
         return brief_action(outcome, result)  # the line below the tiles says what to scan next
     return say(f"advice.{_action(outcome, result)}")
@@ -144,7 +151,7 @@ def _action(outcome: str, result: Result | None) -> str:
         return "next_unit"
     if outcome == "partial":
         return "next_partial"
-    if advised in ("reseat", "set_aside", "full_calibration"):
+    if advised in ("reseat", "set_aside", "full_calibration", "ask_engineer"):
         return advised
     if outcome == "failed":
         return "repeat_in_full" if result is not None and result.ended_by_hand else "repeat"

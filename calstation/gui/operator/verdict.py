@@ -254,7 +254,7 @@ class VerdictPanel(QFrame):
         if fault is None and self._run.unit.unverified:
             return say("advice.decide_registers")
         if fault is None:
-            return advice.next_action(self._display_state, result)
+            return advice.next_action(self._display_state, result, engineer=self._app.role.engineer)
         reset = self.reset.result is not None and self.reset.result.clear
         return say("advice.after_reset") if reset else self._fault_text(fault).remedy
 
