@@ -170,7 +170,7 @@ class FormCell:
             return {self.key_path: "" if value is None and isinstance(self.key_path[-1], int) else value}
         if self.magnitude and not isinstance(present, list) and (self.end == 1 or value is None):
             return {self.key_path: value} if self.end == 1 else {}
-        if self.magnitude and self.end == 0 and value is None and _has_highest(present):
+        if self.magnitude and self.end == 0 and self._follows(value, present):
             return {self.key_path: present[1]}  # the lowest value follows the highest again
         if isinstance(present, list) and len(present) == 2 and value is not None:
             return {(*self.key_path, self.end): value}
@@ -200,6 +200,13 @@ class FormCell:
     def _part(self) -> int | None:
         """Number of the element of a list, or None for the whole value."""
         return self.end if self.component is None else self.component
+
+    def _follows(self, lowest: Any, interval: Any) -> bool:
+        """Return whether an entered lowest value is empty or the opposite of the highest one, as displayed."""
+        highest = interval[1] if isinstance(interval, list) and len(interval) == 2 else None
+        if not (isinstance(highest, float | int) and highest > 0):
+            return False
+        return lowest is None or lowest in (-highest, self._parse(in_unit(-highest, self.unit[1])))
 
     def _member_changes(self, names: Any, *, present: bool) -> dict[KeyPath, Any]:
         """Return the change that adds the member to a list or removes it; the last member is removed with the list."""
@@ -294,10 +301,6 @@ def cells_with_problem(rows: Sequence[FormRow], problem: Problem) -> list[FormCe
             inside = [cell for cell in cells if cell.key_path[: len(problem.key_path)] == problem.key_path]
             return inside if len(inside) < len(cells) and inside else cells[:1]
     return []
-
-
-def _has_highest(interval: list[Any]) -> bool:
-    return len(interval) == 2 and isinstance(interval[1], float | int) and interval[1] > 0
 
 
 def _number(text: str) -> float:

@@ -274,14 +274,24 @@ def test_limits_are_added_cleared_and_removed(forms: FormDriver) -> None:
     ], "each comment is still above its table"
 
 
-def test_delete_makes_a_lowest_limit_follow_the_highest_again(forms: FormDriver) -> None:
+@pytest.mark.parametrize(
+    ("lang", "named"), [("en", "press Delete, and it follows again"), ("zh_CN", "按 Delete 键，即恢复跟随")]
+)
+@pytest.mark.parametrize("action", ["delete", "type the opposite"])
+def test_a_lowest_limit_follows_the_highest_again(forms: FormDriver, action: str, lang: Language, named: str) -> None:
     forms.open("products", "nav_a", "Limits")
     forms.enter("gyro bias", "Lowest", "-0.5")
     forms.enter("gyro bias", "Highest", "0.75")
     assert forms.cell_text("gyro bias", "Lowest") == "−0.5"
-    forms.click("gyro bias", "Lowest")
-    forms._bot.keyClick(forms.table, Qt.Key.Key_Delete)
+    if action == "delete":
+        forms.click("gyro bias", "Lowest")
+        forms._bot.keyClick(forms.table, Qt.Key.Key_Delete)
+    else:
+        forms.enter("gyro bias", "Lowest", "-0.75")
     assert forms.problems() == []
+    language.use(lang)
+    assert any(named in each.text() for each in forms.root.findChildren(QLabel) if each.isVisible())
+    language.use("en")
     assert forms.cell_text("gyro bias", "Lowest") == "−0.75"
     forms.enter("gyro bias", "Highest", "0.25")
     assert forms.cell_text("gyro bias", "Lowest") == "−0.25"
