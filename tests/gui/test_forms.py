@@ -131,6 +131,8 @@ def test_a_reason_is_required_for_changed_limits(forms: FormDriver, site_folder:
     save, reason = forms.find(QPushButton, "save_station_button"), forms.find(QLineEdit, "change_reason_edit")
     assert not reason.isVisible()
     QApplication.processEvents()
+    page = forms.page
+    assert page._stack.mapTo(page, QPoint(0, 0)).y() == page.nav.mapTo(page, QPoint(0, 0)).y(), "no empty row above"
     top = forms.table.mapTo(forms.root, QPoint(0, 0))
     forms.enter("gyro bias", "Highest", "2.5")
     assert reason.isVisible()

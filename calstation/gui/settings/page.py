@@ -156,7 +156,8 @@ class StationPage(Page):
         self.nav.currentRowChanged.connect(self._show_section)
         self._problems = label(kind="error", name="station_problem_label", wrap=True)
         self._reason_row = self._make_reason()
-        right = column(self.notice, self._new_bar, self._reason_row, self._problems, (self._stack, 1))
+        # the reason is below the form, so that the first edit does not move rows under the pointer
+        right = column(self.notice, self._new_bar, self._problems, (self._stack, 1), self._reason_row)
         wide = 2 * theme.GRID
         content = box(row(self.nav, (right, 1), spacing=wide), margins=(wide, theme.GRID, wide, theme.GRID))
         status = row(RunStrip(self.app.run), margins=(wide, 0, wide, theme.GRID))
@@ -305,9 +306,6 @@ class StationPage(Page):
     def _show_section(self, number: int) -> None:
         self._stack.setCurrentIndex(number)
         section = self._sections[number]
-        policy = self._reason_row.sizePolicy()  # the first edit must not move the rows of a form under the pointer
-        policy.setRetainSizeWhenHidden(section is self.profiles)
-        self._reason_row.setSizePolicy(policy)
         if isinstance(section, LinkSection | ImuSection):
             section.search()
 
