@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QLabel, QPushButton
 
 from calstation.connection import port_lock
 from calstation.gui.state import RunStrip
+from calstation.gui.widgets import ElidedLabel, theme
 from tests.gui.conftest import SERIAL, Operator
 from tests.site_folder import STATION
 
@@ -91,6 +92,11 @@ def test_run_of_another_program_is_shown_and_stopped(
         hardware.window.show_page("engineer_page")
         (strip,) = (strip for strip in hardware.window.findChildren(RunStrip) if strip.isVisible())
         assert badge in [label.text() for label in strip.findChildren(QLabel)]
+        hardware.window.resize(1280, 720)  # 1920x1080 at a scale of 150 %
+        hardware.until(lambda: hardware.window.width() == 1280)
+        (said,) = (each for each in strip.findChildren(ElidedLabel) if str(process.pid) in each.text())
+        hardware.until(lambda: said.shortened() == said.text())
+        assert strip.height() == theme.BIG_BUTTON
         assert str(process.pid) in hardware.widget("engineer_start_button", QPushButton).toolTip()
         press_stop(hardware)
         assert any(stopped in label.text() for label in strip.findChildren(QLabel))

@@ -41,7 +41,7 @@ class RunStrip(QWidget):
         self._badge = StateBadge(theme.SECTION, elided=True)
         self._text, self._bar = ElidedLabel(), progress_bar(theme.GRID)
         parts = (self._badge, self._text, self._bar)
-        column(None, *parts, None, on=self, spacing=theme.GRID // 2, margins=(0, 0, theme.GRID, 0))
+        column(None, *parts, None, on=self, spacing=0, margins=(0, 0, theme.GRID, 0))
         run.changed.connect(self._refresh)
         on_language_change(self, self._refresh)
 
@@ -70,6 +70,7 @@ class RunStrip(QWidget):
             parts = [self._idle]
         if not parts and run.display_state == "not_ready" and run.problem is not None:
             parts = [rendered(run.problem, engineer=False).remedy]
+        self._text.setWordWrap(not run.in_progress)  # where the bar would be
         show_text(self._text, "  ·  ".join(parts))
         self._bar.setVisible(run.in_progress)
         self._bar.setValue(round(STEPS * run.fraction))

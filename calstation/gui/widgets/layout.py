@@ -350,8 +350,15 @@ def enable(widget: QWidget, why_not: str, tip: str = "") -> None:
     widget.setToolTip(plain_tip(why_not or tip))
 
 
+#: Width that a word which does not fit may leave free at the end of a line, px.
+_WORD_WIDTH = 10 * theme.GRID
+
+
 class ElidedLabel(PlainLabel):
-    """A line of text that is shortened at the end, or elsewhere, if it is too long; the tooltip shows all of it."""
+    """A line of text that is shortened at the end, or elsewhere, if it is too long; the tooltip shows all of it.
+
+    With word wrap, it takes up to two lines before it is shortened.
+    """
 
     def __init__(self, kind: str = "", mode: Qt.TextElideMode = Qt.TextElideMode.ElideRight) -> None:
         super().__init__()
@@ -374,11 +381,21 @@ class ElidedLabel(PlainLabel):
         """Draw as much of the text as fits."""
         painter = QPainter(self)
         painter.setPen(self.palette().color(self.foregroundRole()))
-        painter.drawText(self.rect(), int(self.alignment()), self.shortened())
+        wrap = int(Qt.TextFlag.TextWordWrap) if self.wordWrap() else 0
+        painter.drawText(self.rect(), int(self.alignment()) | wrap, self.shortened())
+
+    def heightForWidth(self, width: int) -> int:
+        """Return the height of one line or, with word wrap, of the needed lines, at most two."""
+        return min(super().heightForWidth(width), 2 * self.fontMetrics().lineSpacing())
 
     def shortened(self) -> str:
         """Return as much of the text as fits."""
-        return self.fontMetrics().elidedText(self.text(), self._mode, self.width())
+        metrics, width = self.fontMetrics(), self.width()
+        if self.wordWrap() and self.height() >= 2 * metrics.lineSpacing():
+            if super().heightForWidth(width) <= self.height():
+                return self.text()
+            width = 2 * width - _WORD_WIDTH
+        return metrics.elidedText(self.text(), self._mode, width)
 
 
 class PageArea(QScrollArea):
