@@ -25,7 +25,7 @@ from calstation.quality.gauge import (
 )
 from calstation.quality.gauge_plan import GaugePlan, Measurement, StudyState, evaluate_study
 from calstation.quality.gravity_shift import COMMON_SCALE, GravityShift, common_step, gravity_shift
-from calstation.quality.runs import first_of_each_unit, judged_runs, last_of_each_unit
+from calstation.quality.runs import SimulatedRuns, first_of_each_unit, judged_runs, last_of_each_unit
 from calstation.quality.standards import (
     Due,
     InstrumentState,

@@ -20,7 +20,7 @@ from calstation.messages import os_reason
 from calstation.parsing import MAX_JSON, read_limited
 from calstation.physics import NAMES, FloatArray, further_parameter
 from calstation.quality.gauge import GaugeStudy, check_size, crossed, gauge_study, ranges_beyond
-from calstation.quality.runs import judged_runs, product_runs
+from calstation.quality.runs import NOT_SIMULATED, SimulatedRuns, judged_runs, product_runs
 from calstation.quality.summary import limit_interval
 from calstation.records import Categories, RunColumns, write_atomic
 from calstation.results import History
@@ -228,6 +228,7 @@ class StudyState:
     studies: Mapping[str, GaugeStudy]  #: By parameter, SI; empty while runs are missing.
     values: Mapping[str, FloatArray]  #: By parameter, SI; see `GaugePlan.values`.
     lost: tuple[Measurement, ...] = ()  #: Those of `missing` that have been made, and whose files are missing.
+    simulated: SimulatedRuns = NOT_SIMULATED
 
     def by_appraiser(self, name: str) -> FloatArray:
         """Return the values of a parameter, SI, shape (units, appraisers, trials)."""
@@ -250,7 +251,8 @@ def evaluate_study(report: ProgressCallback, folder: Path, path: Path, product: 
     if config is not None and config.name != plan.product:
         raise InputError("quality.study_other_product", product=config.name, plan=plan.product)
     History(folder).refresh()
-    runs = product_runs(folder, plan.product)
+    simulated = SimulatedRuns.among(folder, plan.product)
+    runs = product_runs(folder, plan.product, measured=not simulated.only)
     missing = tuple(plan.remaining(runs))
     studies = {}
     values: Mapping[str, FloatArray] = {} if missing else plan.values(runs)
@@ -262,4 +264,4 @@ def evaluate_study(report: ProgressCallback, folder: Path, path: Path, product: 
         report(done / len(values))
     known = replace(runs, missing=np.zeros(len(runs.names), dtype=bool))
     lost = Counter(missing) - Counter(plan.remaining(known))
-    return StudyState(plan, missing, plan.out_of_order(runs), studies, values, tuple(lost.elements()))
+    return StudyState(plan, missing, plan.out_of_order(runs), studies, values, tuple(lost.elements()), simulated)

@@ -1,20 +1,52 @@
 """Stored runs of a product, and selection of the runs for statistics."""
 
 from collections.abc import Collection
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
+from calstation.messages import Text
 from calstation.physics import BoolArray, IntArray
 from calstation.records import RunColumns, RunFilter, Verdict
 from calstation.results import History
 
 
-def product_runs(folder: Path, product: str, station: str = "", *, measured: bool = False) -> RunColumns:
+@dataclass(frozen=True)
+class SimulatedRuns:
+    """The simulated runs among stored runs; statistics leave them out, unless all runs are simulated."""
+
+    count: int = 0
+    only: bool = False  #: Whether all runs are simulated.
+
+    @classmethod
+    def among(cls, folder: Path, product: str, station: str = "") -> "SimulatedRuns":
+        """Count the simulated runs of a product and a station in a folder, "" for all of them, at any time."""
+        history, runs = History(folder), RunFilter(product=product, station=station, missing=None)
+        count = history.count(replace(runs, simulated=True))
+        return cls(count, only=count > 0 and not history.count(replace(runs, simulated=False)))
+
+    @property
+    def text(self) -> Text | None:
+        """What the statistics leave out, or that all runs are simulated; None without simulated runs."""
+        if not self.count:
+            return None
+        return Text("quality.all_simulated") if self.only else Text.of("quality.simulated_left_out", count=self.count)
+
+    def to_json(self) -> dict[str, int | bool]:
+        """Return JSON data."""
+        return {"left_out": 0 if self.only else self.count, "only": self.only}
+
+
+#: No simulated runs.
+NOT_SIMULATED = SimulatedRuns()
+
+
+def product_runs(folder: Path, product: str, station: str = "", *, measured: bool) -> RunColumns:
     """Return the runs of a product and a station in a folder, "" for all of them, from the folder's index.
 
-    If `measured`, simulated runs are left out.
+    If `measured`, simulated runs are left out; `SimulatedRuns` determines it for statistics of a folder.
     They include runs whose files are missing. They are read again only if the index has changed or the last call was
     for other runs, so that filtering 100,000 runs does not read them again.
     """

@@ -28,7 +28,15 @@ from calstation.quality.charts import (
     individuals_chart,
 )
 from calstation.quality.gravity_shift import COMMON_SCALE, SCALES, common_scale
-from calstation.quality.runs import first_of_each_unit, judged_runs, last_of_each_unit, product_runs, production_runs
+from calstation.quality.runs import (
+    NOT_SIMULATED,
+    SimulatedRuns,
+    first_of_each_unit,
+    judged_runs,
+    last_of_each_unit,
+    product_runs,
+    production_runs,
+)
 from calstation.quality.yields import Share, Yields, count_yields
 from calstation.records import RunColumns
 from calstation.results import History
@@ -191,6 +199,7 @@ class QualitySummary:
     chartable: int  #: Number of runs for `parameters`.
     unit_chartable: int  #: Number of runs for `single_unit`.
     stations: tuple[str, ...] = ()  #: All stations of the runs in the folder.
+    simulated: SimulatedRuns = NOT_SIMULATED
 
     def to_json(self) -> dict[str, Any]:
         """Return all values in SI as JSON data."""
@@ -210,6 +219,7 @@ class QualitySummary:
                 "partial_failed": yields.partial_failed,
                 "missing": yields.missing,
             },
+            "simulated": self.simulated.to_json(),
             "parameters": [each.to_json() for each in self.parameters],
             "golden": None
             if self.serial is None
@@ -228,7 +238,7 @@ def summarise_quality(
     relative: bool = False,
     station: str = "",
 ) -> QualitySummary:
-    """Job: summarise the quality of the runs of a folder.
+    """Job: summarise the quality of the runs of a folder, without simulated ones unless all are simulated.
 
     Parameters
     ----------
@@ -253,7 +263,9 @@ def summarise_quality(
     ConfigurationError : if the product file cannot be used
     """
     chosen = None if product is None else load_product(product)[1]
-    runs = product_runs(folder, "" if chosen is None else chosen.name, station)
+    selection = folder, "" if chosen is None else chosen.name, station
+    simulated = SimulatedRuns.among(*selection)
+    runs = product_runs(*selection, measured=not simulated.only)
     start = -math.inf if since is None else since.timestamp()
     limits = dict(known_products()) if chosen is None else {chosen.name: chosen}
     standards = {standard.serial for each in limits.values() for standard in each.check_standards}
@@ -288,6 +300,7 @@ def summarise_quality(
         chartable,
         unit_chartable,
         History(folder).choices().stations,
+        simulated,
     )
 
 

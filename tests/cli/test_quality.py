@@ -73,6 +73,22 @@ def test_added_and_removed_runs_are_counted(calstation: Run, folder: Path, tmp_p
     assert count() == (2, 1)
 
 
+@pytest.mark.parametrize(
+    ("real", "said"),
+    [(0, "All runs are simulated, of the virtual bench."), (1, "2 simulated runs of the virtual bench left out.")],
+)
+def test_simulated_runs_are_left_out_unless_all_are_simulated(
+    calstation: Run, folder: Path, tmp_path: Path, real: int, said: str
+) -> None:
+    for k, file in enumerate(sorted(folder.glob("NAVA-*.json"))[: real + 2]):
+        content = json.loads(file.read_text(encoding="utf-8"))
+        (tmp_path / file.name).write_text(json.dumps({**content, "simulated": k >= real}), encoding="utf-8")
+    assert said in calstation("quality", "--out", tmp_path).out
+    found = calstation("quality", "--out", tmp_path, "--json", "-").json
+    assert found["simulated"] == {"left_out": 2 if real else 0, "only": not real}
+    assert found["yield"]["overall"]["count"] == (real or 2)
+
+
 def test_check_standard_has_its_own_table(calstation: Run, folder: Path) -> None:
     done = calstation("quality", "--out", folder, "--serial", "GOLDEN-NAVA", "--product", "nav_a")
     runs = len([*folder.glob("GOLDEN-NAVA_*.json")])
@@ -136,6 +152,14 @@ def test_gauge_study_is_planned_and_evaluated_from_stored_runs(calstation: Run, 
     assert incomplete.code == 2
     first = f"next: {order[0]['unit']}, {order[0]['operator']}"
     assert f"8 of the 8 runs of the study are missing; {first}" in incomplete.err
+
+    copied = tmp_path / "simulated"
+    shutil.copytree(folder, copied, ignore=shutil.ignore_patterns("*.sqlite*"))
+    for file in copied.glob("STUDY-*.json"):
+        file.write_text(json.dumps({**json.loads(file.read_text(encoding="utf-8")), "simulated": True}))
+    left_out = calstation("quality", "gauge", copied / "studies" / "gauge.json", "--out", copied)
+    assert left_out.code == 2, "simulated runs do not count beside real ones"
+    assert "90 simulated runs of the virtual bench left out." in left_out.out
 
     done = calstation("quality", "gauge", folder / "studies" / "gauge.json", "--out", folder)
     assert done.code == 0

@@ -529,6 +529,31 @@ def test_partial_runs_that_failed_are_named_where_they_do_not_count(
     language.use("en")
 
 
+@pytest.mark.parametrize(
+    ("code", "real", "said"),
+    [
+        ("en", True, "2 simulated runs of the virtual bench left out."),
+        ("zh_CN", True, "未计入虚拟台架的2次模拟标定。"),
+        ("en", False, "All runs are simulated, of the virtual bench."),
+        ("zh_CN", False, "全部标定均为虚拟台架的模拟标定。"),
+    ],
+)
+def test_simulated_runs_are_named(operator: Operator, code: str, real: bool, said: str) -> None:
+    folder = operator.site_folder.runs
+    folder.mkdir(exist_ok=True)
+    for serial, simulated in (("SN-000001", not real), ("SN-000002", True), ("SN-000003", True)):
+        write_run(folder, serial, "passed", timedelta(seconds=1), product="Navigation grade A", simulated=simulated)
+    operator.window.app.set_product(library.find("products", "nav_a"))
+    language.use(code)
+    operator.window.show_page("quality_page")
+    page = operator.window.findChild(QualityPage, "quality_page")
+    operator.until(lambda: not page.busy and said in operator.says())
+    click_tab(operator, "Yield" if code == "en" else "合格率")
+    assert said in operator.says()
+    assert ("1/1" if real else "3/3") in page.yields.overall_label.text()
+    language.use("en")
+
+
 @pytest.mark.long
 def test_values_divided_by_sigma_combine_different_schedules(operator: Operator, page: QualityPage) -> None:
     before = page.control._charts["gyro_bias_x"].values

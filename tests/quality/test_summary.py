@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calstation.config import library, load_product
-from calstation.quality import judged_runs, last_of_each_unit, limit_interval, summarise_quality
+from calstation.quality import SimulatedRuns, judged_runs, last_of_each_unit, limit_interval, summarise_quality
 from calstation.results import History
 from tests.results.test_history import write
 from tests.results.test_shift import VERDICT
@@ -191,3 +191,21 @@ def test_signals_do_not_depend_on_the_earliest_start(tmp_path: Path) -> None:
             assert part.alarms[code] == len(found)
         assert charts.ewma.average == pytest.approx(whole.charts().ewma.average[first:], abs=0.0)
         assert charts.individuals.ranges == pytest.approx(np.abs(np.diff(whole.values[first - 1 :])))
+
+
+@pytest.mark.parametrize("real", [True, False])
+def test_simulated_runs_are_left_out_unless_all_are_simulated(tmp_path: Path, real: bool) -> None:
+    for k in range(24):
+        started, simulated = (BEGIN + timedelta(hours=k)).isoformat(), k % 2 == 0 or not real
+        values = {"gyro_bias_x": 1e-6 * (k // 2 % 5)}
+        write(tmp_path, f"N-{k}", f"N-{k}", "passed", 1, values=values, started_utc=started, simulated=simulated)
+    History(tmp_path).refresh()
+    summary = summarise_quality(ignore, tmp_path)
+    assert summary.yields.overall is not None
+    assert (summary.yields.overall.count, summary.chartable) == ((12, 12) if real else (24, 24))
+    assert [len(each.values) for each in summary.parameters] == [12 if real else 24]
+    assert summary.simulated == (SimulatedRuns(12) if real else SimulatedRuns(24, only=True))
+
+
+def test_folder_without_simulated_runs_says_nothing_about_them(folder: Path) -> None:
+    assert summarise_quality(ignore, folder).simulated.text is None

@@ -31,7 +31,7 @@ from calstation.cli.show import (
     plain_console,
     show_line,
 )
-from calstation.cli.text import say, term
+from calstation.cli.text import say, sentence, term
 from calstation.config import load_product, load_station
 from calstation.errors import ConfigurationError, InputError
 from calstation.judgement import POWER
@@ -161,6 +161,9 @@ def _evaluate(path: Path, product: Path | None, parameter: str | None, out: Path
     existing_folder(out)
     _check_parameter(parameter)
     state = evaluate_study(ignore_progress, out, path, product)
+    note = state.simulated.text
+    if note is not None and json != "-":
+        show_line(plain_console(file=sys.stdout, width=_WIDTH), sentence(note))
     state.plan.check_complete(state.missing)
     studies = {name: study for name, study in state.studies.items() if parameter in (None, name)}
     if not studies:
@@ -175,7 +178,8 @@ def _evaluate(path: Path, product: Path | None, parameter: str | None, out: Path
         for name, study in studies.items()
     }
     head = {"schema": "calstation.gauge_study/1", "plan": path.name, "product": state.plan.product}
-    emit_json({**head, "out_of_order": state.out_of_order, "parameters": rows}, json)
+    notes = {"out_of_order": state.out_of_order, "simulated": state.simulated.to_json()}
+    emit_json({**head, **notes, "parameters": rows}, json)
     if json != "-":
         console = plain_console(file=sys.stdout, width=_WIDTH)
         _show_study(console, state.plan, studies)
@@ -195,6 +199,8 @@ def _check_parameter(name: str | None, *others: str) -> None:
 
 def _show_summary(console: Console, summary: QualitySummary, *, relative: bool) -> None:
     yields = summary.yields
+    if summary.simulated.text is not None:
+        show_line(console, sentence(summary.simulated.text))
     if yields.overall is None:
         show_line(console, say("quality.no_runs"))
     else:

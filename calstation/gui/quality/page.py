@@ -271,6 +271,9 @@ class QualityPage(Page):
             text = say("quality.scope_runs" if view is self.yields else "quality.scope_units")
         elif view in (self.control, self.capability) and not self.unit.currentData():
             text = say("quality.scope_first" if view is self.control else "quality.scope_last")
+        simulated = None if self._summary is None else self._summary.simulated.text
+        if simulated is not None and view in (self.control, self.capability, self.yields):
+            text = f"{say(simulated)} {text}".strip()
         show_text(self.scope_label, text)
 
     def _open_run(self, name: str) -> None:

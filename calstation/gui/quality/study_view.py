@@ -37,7 +37,7 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
-from calstation.messages import plain_number
+from calstation.messages import Text, plain_number
 from calstation.physics import display, number
 from calstation.quality import (
     MIN_CATEGORIES,
@@ -179,7 +179,9 @@ class StudyView(QWidget):
         product = product_text(state.plan.product) if state is not None else ""
         file = "" if self._path is None else self._path.name
         self._plan_label.setText(say("common.noted", name=file, note=product) if named else file)
-        self._choices_label.setText("" if self._path is None else say("quality.study_and_choices"))
+        simulated = None if state is None else state.simulated.text
+        notes = [*filter(None, (simulated,)), Text("quality.study_and_choices")]
+        self._choices_label.setText("" if self._path is None else " ".join(map(say, notes)))
         if state is None:
             self._empty.say("gauge.no_plan", "gauge.about")
             self._stack.setCurrentWidget(self._empty)
