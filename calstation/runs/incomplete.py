@@ -7,7 +7,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from calstation.errors import ConfigurationError, InputError
+from calstation.config import load_station
+from calstation.errors import CalstationError, ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.judgement import End, judge, verdict_of
 from calstation.parsing import read_json
@@ -21,6 +22,7 @@ from calstation.records import (
     solved_stages,
     stages_ended_by_hand,
 )
+from calstation.registers import journal, journal_folder, open_transfer
 from calstation.results import (
     Delivery,
     Ending,
@@ -134,10 +136,11 @@ def close_incomplete_job(progress: ProgressCallback, logs: Sequence[Path], opera
 
 @dataclass(frozen=True)
 class StartupRecovery:
-    """Logs of the runs whose process died, and the outcome of the hand-over."""
+    """Logs of the runs whose process died, the outcome of the hand-over, and the units with unverified registers."""
 
     incomplete: tuple[Path, ...]
     delivery: Delivery
+    unverified: tuple[str, ...] = ()  #: Serial numbers of units whose registers were written, but not verified.
 
 
 def recover_at_startup(progress: ProgressCallback, runs: Path, station: Path | None) -> StartupRecovery:
@@ -145,4 +148,15 @@ def recover_at_startup(progress: ProgressCallback, runs: Path, station: Path | N
     incomplete = finish_incomplete(runs) if runs.is_dir() else []
     progress(0.3)
     History(runs).refresh(lambda fraction: progress(0.3 + 0.4 * fraction))
-    return StartupRecovery(tuple(incomplete), deliver_pending(progress, runs, station))
+    return StartupRecovery(tuple(incomplete), deliver_pending(progress, runs, station), _unverified(runs, station))
+
+
+def _unverified(runs: Path, station: Path | None) -> tuple[str, ...]:
+    """Return the units with an open transfer; a damaged journal or station file is reported when a run starts."""
+    serials = []
+    with suppress(CalstationError):
+        folder = journal_folder(load_station(station)[1], runs)
+        for serial in journal.serials(folder):
+            with suppress(CalstationError):
+                serials += [serial] if open_transfer(folder, serial) is not None else []
+    return tuple(serials)

@@ -1089,6 +1089,27 @@ def test_scan_of_another_unit_reminds_of_the_one_left_with_unverified_registers(
     assert simulated_run.widget("restore_choice").isVisible()
 
 
+@pytest.mark.parametrize("interrupted", [False, True])
+@pytest.mark.parametrize(
+    ("language", "reminder"), [("en", f"Registers not verified: {SERIAL}"), ("zh_CN", f"寄存器尚未验证：{SERIAL}")]
+)
+def test_units_with_unverified_registers_are_named_at_the_start(
+    operator: Operator, language: str, reminder: str, interrupted: bool
+) -> None:
+    runs = operator.window.app.runs_folder
+    runs.mkdir(exist_ok=True)
+    write_open_transfer(runs, SERIAL, *WRITTEN)
+    if interrupted:
+        write_dead_log(runs, "SN-000004", station="test bench", seed=5)
+    operator.window.app.set_language(language)
+    operator.window.operator_page._starting.interrupted.recover()
+    if interrupted:
+        operator.until(lambda: operator.window.findChild(QPushButton, "later_choice") is not None)
+        operator.until_no_job()
+        operator.press("later_choice")
+    operator.until(lambda: reminder in operator.says())
+
+
 WARNING = {"en": "The table may still move", "zh_CN": "转台可能仍在动"}
 
 

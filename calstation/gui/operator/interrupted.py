@@ -17,6 +17,7 @@ from calstation.results import Delivery
 from calstation.runs import (
     Interrupted,
     RunSummary,
+    StartupRecovery,
     close_incomplete_job,
     find_chamber_left,
     find_interrupted,
@@ -47,12 +48,12 @@ class InterruptedRuns(QObject):
         self._closing = app.job(self, close_incomplete_job, self._closed)
         self._recovering = False  #: Whether `recover` has been called.
         self._first = False  #: Whether the first search after it has not ended.
+        #: Units with unverified registers, which are named once no question is open.
+        self._unverified: tuple[str, ...] = ()
         #: Start of the run that left the chamber at an unknown temperature; "" for none.
         self._left = ""
         self._chamber = app.job(self, find_chamber_left, self._chamber_found, failed=self._chamber_not_found)
-        self._recovery = app.job(
-            self, recover_at_startup, lambda done: self._show_delivery(done.delivery), failed=self._recovery_failed
-        )
+        self._recovery = app.job(self, recover_at_startup, self._recovered, failed=self._recovery_failed)
         for search in (self._chamber, self._search):
             search.busy_changed.connect(self._searching_changed)
         notice.report_failures(self._closing, "common.run_not_closed", header.focus_scan)
@@ -123,6 +124,17 @@ class InterruptedRuns(QObject):
         if self.run_summary is not None:  # otherwise the page shows the error in the station or product file
             self._notice.report("operator.earlier_not_closed", error, self.offer)
 
+    def _recovered(self, done: StartupRecovery) -> None:
+        self._unverified = done.unverified
+        self._show_delivery(done.delivery)
+        self._show_unverified()
+
+    def _show_unverified(self) -> None:
+        """Name the units whose registers were not verified, after the questions about interrupted runs."""
+        if self._unverified and not (self._first or self._notice.asking or self._app.engine_link.running):
+            ask(self._notice, "caution", Text.of("question.registers_left", serials=self._unverified), {})
+            self._unverified = ()
+
     def _show_delivery(self, delivery: Delivery) -> None:
         """Show why results could not be delivered."""
         if delivery.waiting and not self._notice.asking:
@@ -160,6 +172,7 @@ class InterruptedRuns(QObject):
                 each for each in mounted if each.runs and (not units or any(run.serial in units for run in each.runs))
             ]
             self._offer(offered) if offered else self._otherwise()
+            self._show_unverified()
             return
         selected = [each for each in found if self._log.name in {log.name for log in each.logs}]
         if selected:
@@ -176,6 +189,7 @@ class InterruptedRuns(QObject):
     def _offer(self, found: list[Interrupted]) -> None:
         """Ask whether to resume or close the first run or batch, then ask about the others."""
         if not found or self._notice.asking:
+            self._show_unverified()
             return
         first, others = found[0], found[1:]
         answers = {
