@@ -10,11 +10,12 @@ import tomli_w
 from PySide6.QtCore import QUrl
 from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QLabel, QLineEdit, QPushButton, QTableView
+from pytestqt.qtbot import QtBot
 
 from calstation.config import ConfirmationRequired, access
 from calstation.config.library import shipped_folder
 from calstation.gui.state import PeoplePanel
-from calstation.gui.text import say
+from calstation.gui.text import language, say
 from calstation.records import AuditEvent, Verdict, audit_path, read_audit
 from calstation.results import load_result
 from calstation.sequencer import Finalized, StateChanged
@@ -209,8 +210,8 @@ def test_panel_for_two_engineers_fits_a_small_screen(operator: Operator, code: s
     assert details.isVisible()
     both = ConfirmationRequired(pin=True, badge=True, second=True)
     panel = operator.widget("certificate_button_panel", PeoplePanel)
-    panel.ask(lambda: "Issue a certificate?", both, lambda *people: None, reason=False)
-    edits = [operator.widget(f"certificate_button_{key}_edit", QLineEdit) for key in PEOPLE]
+    panel.ask(lambda: "Issue a certificate?", both, lambda *people: None, reason=False, received=True)
+    edits = [operator.widget(f"certificate_button_{key}_edit", QLineEdit) for key in (*PEOPLE, "received")]
     inputs = [*edits, operator.widget("certificate_button_confirm_button", QPushButton)]
 
     def laid_out() -> bool:
@@ -242,12 +243,17 @@ def test_two_engineers_confirm_a_certificate(operator: Operator) -> None:
         operator.until(lambda: "The certificate waits for two people" in operator.says())
     operator.press("certificate_button")
     operator.until(lambda: operator.widget("certificate_button_panel").isVisible())
+    assert operator.widget("certificate_button_received_edit", QLineEdit).text() == ""
     fill(operator, "certificate_button", badge="B0001", pin="111111", second_badge="B0002", second_pin="222222")
+    fill(operator, "certificate_button", received="2021-02-31")
+    assert not operator.widget("certificate_button_confirm_button").isEnabled()
+    fill(operator, "certificate_button", received="2021-02-28")
     operator.press("certificate_button_confirm_button")
     operator.until(lambda: "The certificate was issued" in operator.says())
     events = events_of(operator)
     (event,) = [each for each in events if each.event == "certificate"]
     assert (event.by, event.confirmed_by, event.values["pin"]) == ("B0001", "B0002", "personal")
+    assert event.values["received"] == "2021-02-28"
     (pdf,) = (operator.site_folder.station.parent / "reports").glob("*.pdf")
     assert "Issued by B0001, B0002. Identity proved by personal PIN." in " ".join(
         " ".join(page.extract_text() for page in pypdf.PdfReader(pdf).pages).split()
@@ -379,3 +385,31 @@ def test_run_reports_a_missing_certificate_folder(operator: Operator) -> None:
     for page in ("engineer_page", "operator_page"):
         operator.window.show_page(page)
         operator.until(lambda: f"No certificate was created: {missing}, which [report]" in operator.says())
+
+
+@pytest.mark.parametrize(
+    ("code", "title", "why"),
+    [
+        ("en", "Date of receipt", "The date of receipt must be a date such as 2026-11-23."),
+        ("zh_CN", "收样日期", "收样日期须为日期，例如 2026-11-23。"),
+    ],
+)
+def test_panel_asks_for_the_date_of_receipt_of_a_certificate(qtbot: QtBot, code: str, title: str, why: str) -> None:
+    language.use(code)
+    panel, received = PeoplePanel("certificate"), []
+    qtbot.addWidget(panel)
+    once = ConfirmationRequired(pin=False, badge=False, second=False)
+    panel.ask("", once, lambda *_: received.append(panel.received), by="Li", received=True)
+    panel.findChild(QLineEdit, "certificate_reason_edit").setText("typing error")
+    edit, confirm = panel.findChild(QLineEdit, "certificate_received_edit"), panel._confirm_button
+    assert title in [each.text() for each in panel.findChildren(QLabel) if not each.isHidden()]
+    edit.setText("31.12.2026")
+    assert not confirm.isEnabled()
+    assert why in confirm.toolTip()
+    for text in ("2026-12-31", ""):
+        edit.setText(text)
+        confirm.click()
+    assert received == [date(2026, 12, 31), None]
+    panel.ask("", once, lambda *_: None, by="Li")
+    assert edit.isHidden(), "only a certificate states it"
+    language.use("en")

@@ -1,6 +1,8 @@
 """The notice that asks to sign in, the panel in which people confirm an action, and the bar that releases a unit."""
 
 from collections.abc import Callable
+from contextlib import suppress
+from datetime import date
 from pathlib import Path
 
 from PySide6.QtCore import Signal
@@ -67,13 +69,19 @@ class PeoplePanel(QFrame):
             self._fields.addWidget(edit, len(self._edits), 1)
             self._captions.append(caption)
             self._edits.append(edit)
+        self._received, self._received_caption = QLineEdit(), label("window.received")
+        self._received.setObjectName(f"{name}_received_edit")
+        self._received.textChanged.connect(lambda _: self._refresh())
+        self._received.returnPressed.connect(self._confirm)
+        self._received_caption.setBuddy(self._received)
+        bind(self._received.setPlaceholderText, "window.received_hint")
         self._confirm_button = button(f"{name}_confirm_button", "window.confirm", self._confirm)
         cancel = button(f"{name}_cancel_button", "common.cancel", self._cancel)
         column(
             self._title,
             self._note,
             self._fields,
-            row(None, cancel, self._confirm_button),
+            row(self._received_caption, self._received, None, cancel, self._confirm_button),
             on=self,
             margins=(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID),
         )
@@ -90,6 +98,7 @@ class PeoplePanel(QFrame):
         by: str = "",
         reason: bool = True,
         note: Words = "",
+        received: bool = False,
     ) -> None:
         """Ask for the badges and PINs of the persons who confirm an action.
 
@@ -107,6 +116,8 @@ class PeoplePanel(QFrame):
             Whether a reason is required.
         note
             What to know before; "" for nothing.
+        received
+            Whether to ask for the date of receipt of the unit, which may stay empty; see `received`.
         """
         self._words, self._confirmed, self._badges = words, then, required.badge
         self._note_words = note
@@ -116,10 +127,19 @@ class PeoplePanel(QFrame):
             caption.setVisible(visible)
             edit.setVisible(visible)
         self._edits[1].setText(by)
+        self._received.clear()
+        for widget in (self._received, self._received_caption):
+            widget.setVisible(received)
         self._show_texts()
         self._refresh()
         self.show()
         next(edit for edit in self._edits if not edit.isHidden() and not edit.text()).setFocus()
+
+    @property
+    def received(self) -> date | None:
+        """The date of receipt that was entered; None for no date."""
+        text = self._received.text().strip()
+        return date.fromisoformat(text) if text else None
 
     def retry(self) -> None:
         """Clear the PINs after a refused attempt."""
@@ -137,12 +157,17 @@ class PeoplePanel(QFrame):
         super().hideEvent(event)
         self.open_changed.emit(False)
 
-    def _missing(self) -> bool:
-        """Return whether a visible field is empty."""
-        return any(not edit.isHidden() and not edit.text().strip() for edit in self._edits)
+    def _why_not(self) -> Words:
+        """Return why the action cannot be confirmed: a visible field is empty, or a date is wrong; "" if it can."""
+        if any(not edit.isHidden() and not edit.text().strip() for edit in self._edits):
+            return "window.fill_in"
+        with suppress(ValueError):
+            _ = self.received
+            return ""
+        return "window.bad_date"
 
     def _confirm(self) -> None:
-        if not self._missing():
+        if not self._why_not():
             reason, badge, pin, second_badge, second_pin = (edit.text() for edit in self._edits)
             second = None if self._edits[3].isHidden() else Person(second_badge.strip(), second_pin)
             self._confirmed(reason.strip(), Person(badge.strip(), pin), second)
@@ -152,7 +177,7 @@ class PeoplePanel(QFrame):
         self.cancelled.emit()
 
     def _refresh(self) -> None:
-        enable(self._confirm_button, say("window.fill_in") if self._missing() else "")
+        enable(self._confirm_button, say(self._why_not()))
 
     def _show_texts(self) -> None:
         name = "window.your_badge" if self._badges else "window.confirming_name"

@@ -318,10 +318,12 @@ class CertificateButton(_IssueButton):
 
     def _ask_people(self, title: Words, state: IssueState, *, reason: bool = False) -> None:
         def confirmed(why: str, first: Person, second: Person | None) -> None:
-            self._issue(state, first, second, why if reason else None)
+            request = replace(state.request, received=self.panel.received)
+            self._issue(replace(state, request=request), first, second, why if reason else None)
 
         note = ("operator.revision_changed" if state.changes else "operator.revision_same") if reason else ""
-        self.panel.ask(title, state.required, confirmed, by=self._by(state.required), reason=reason, note=note)
+        by = self._by(state.required)
+        self.panel.ask(title, state.required, confirmed, by=by, reason=reason, note=note, received=True)
 
     def _issue(self, state: IssueState, first: Person, second: Person | None = None, revise: str | None = None) -> None:
         if self.watch.busy:
@@ -374,11 +376,12 @@ class CertificatesButton(_IssueButton):
 
         def confirmed(_: str, first: Person, second: Person | None) -> None:
             if not self.watch.busy:
-                self.watch.start([replace(state.request, first=first, second=second) for state in missing])
+                received = self.panel.received
+                requests = [replace(state.request, first=first, second=second) for state in missing]
+                self.watch.start([replace(request, received=received) for request in requests])
 
-        self.panel.ask(
-            Text.of("operator.ask_certificates", count=len(missing)), required, confirmed, by=self._by(required)
-        )
+        title, by = Text.of("operator.ask_certificates", count=len(missing)), self._by(required)
+        self.panel.ask(title, required, confirmed, by=by, received=True)
 
     def _issued(self, pdfs: list[Path]) -> None:
         title = Text.of("operator.certificates_issued", count=len(pdfs))
