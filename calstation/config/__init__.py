@@ -113,4 +113,5 @@ from calstation.config.trail import (
     read_trail_copy,
     restart_site_trail,
 )
+from calstation.config.trail_values import trail_values
 from calstation.config.versions import Version, save_noise

@@ -49,6 +49,23 @@ def test_events_are_filtered_by_engineer_type_and_date(calstation, home: Path) -
     assert calstation("audit", "--since", "soon").code == 2
 
 
+@pytest.mark.parametrize(
+    ("language", "listed"),
+    [
+        ("en", "serial number SN-1, verdict PASS, files N-1.pdf, stages: – → 2, 3"),
+        ("zh_CN", "序列号 SN-1、结论 合格、文件 N-1.pdf、stages: – → 2、3"),
+    ],
+)
+def test_values_are_listed_by_name_as_in_the_window(
+    calstation, home: Path, monkeypatch: pytest.MonkeyPatch, language: str, listed: str
+) -> None:
+    files, changed = {"N-1.pdf": "ab" * 32}, {"stages": [None, [2, 3]]}
+    append_audit(home, "certificate", "li", files=files, serial="SN-1", verdict="passed", changed=changed)
+    for module in ("commands.audit", "text"):
+        monkeypatch.setattr(f"calstation.cli.{module}.LANGUAGE", language)
+    assert listed in calstation("audit").out
+
+
 @pytest.mark.parametrize("recorded", [("B0001", "Li Na"), ("B0001", "Li Na", "Li Na (B0001)")])
 def test_one_person_is_found_by_badge_and_name(calstation, home: Path, recorded: tuple[str, ...]) -> None:
     """Earlier versions recorded either of them; the station, or a later event, connects them."""

@@ -10,7 +10,7 @@ import typer
 from calstation.cli.confirmation import ask_person
 from calstation.cli.options import ByOption, JsonOption, check_choice, command_group
 from calstation.cli.show import emit, ignore_progress
-from calstation.cli.text import say, sentence
+from calstation.cli.text import LANGUAGE, say, sentence
 from calstation.config import (
     SiteTrail,
     TrailLine,
@@ -19,6 +19,7 @@ from calstation.config import (
     read_trail_copy,
     restart_site_trail,
     site_folder,
+    trail_values,
 )
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import local_time
@@ -126,6 +127,6 @@ def _line(each: AuditEvent) -> str:
     people = say("common.unproven", name=each.by) if each.unproven else each.by or "-"
     if each.confirmed_by:
         people = say("cli.confirmed_by", by=people, second=each.confirmed_by)
-    values = " ".join(f"{name}={value}" for name, value in each.values.items() if name not in ("sha256", "identity"))
+    values = say("common.comma").join(trail_values(each.values, LANGUAGE, brief=True))
     why = f'"{each.why}"' if each.why else ""
     return " ".join(part for part in (local_time(each.utc, zone=True), each.event, f"({people})", why, values) if part)

@@ -1,13 +1,11 @@
 """The audit trail of the site: who changed, released, wrote and signed, with filter, verification and export."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
-from functools import partial
-from typing import Any
 
-from calstation.config import SiteTrail, TrailLine, export_trail
+from calstation.config import SiteTrail, TrailLine, export_trail, trail_values
 from calstation.gui.state import AppContext, FileExport, JobView
-from calstation.gui.text import Words, bind, on_language_change, say, term
+from calstation.gui.text import Words, bind, language, on_language_change, say, term
 from calstation.gui.widgets import (
     Cell,
     CellTable,
@@ -26,7 +24,7 @@ from calstation.gui.widgets import (
     show_text,
     theme,
 )
-from calstation.messages import Text, known, local_time
+from calstation.messages import Text, local_time
 from calstation.records import AUDIT_EVENTS, AuditEvent
 from calstation.reports import read_verified_trail
 
@@ -41,21 +39,6 @@ _COLUMNS = (
 _PERIODS: dict[int | None, Words] = {
     None: "history.any_time",
     **{days: Text.of("common.last_days", days=days) for days in (7, 30, 365)},
-}
-#: Values that come first, in this order.
-_FIRST = ("serial", "certificate", "validation", "verdict", "simulated")
-#: Ends of the names of values that only the hint shows: digests, versions of all packages, heads of files.
-_IN_HINT = ("sha256", "identity", "reports", "trail")
-#: Maximum number of parts of a value, such as versions, that the hint shows.
-_MAX_PARTS = 6
-#: Value with the changed entries of a file.
-_CHANGED = "changed"
-#: Families of the terms of the program among the values.
-_FAMILIES: dict[str, Callable[[str], str]] = {
-    "kind": partial(term, "file_kind"),
-    "pin": partial(term, "audit_pin"),
-    "what": partial(term, "audit_registers"),
-    "verdict": lambda name: term("report_verdict" if known(f"report_verdict.{name}") else "badge", name),
 }
 
 
@@ -173,8 +156,7 @@ class AuditView(JobView):
         return {**cells, **marks, "hint": f"{marks['hint']}\n{cells['hint']}"}
 
     def _cells(self, each: AuditEvent) -> dict[str, str]:
-        values = {name: value for name, value in each.values.items() if not name.endswith(_IN_HINT)}
-        lines = [local_time(each.utc, zone=True), *_value_lines(each.values)]
+        lines = [local_time(each.utc, zone=True), *trail_values(each.values, language.current())]
         if each.unproven:
             lines.append(say("common.unproven_hint"))
         return {
@@ -183,7 +165,7 @@ class AuditView(JobView):
             "by": say("common.unproven", name=each.by) if each.unproven else each.by or say("history.audit_program"),
             "confirmed_by": each.confirmed_by or "",
             "why": each.why,
-            "values": say("common.comma").join(_value_lines(values, names_only=True)),
+            "values": say("common.comma").join(trail_values(each.values, language.current(), brief=True)),
             "hint": "\n".join(lines),
         }
 
@@ -199,57 +181,3 @@ def _marks(line: TrailLine) -> dict[str, str]:
     changed = line.state == "changed"
     hint = say("history.audit_changed" if changed else "history.audit_unproved", line=line.number)
     return {"kind": "bad" if changed else "caution", "hint": hint}
-
-
-def _value_lines(values: Mapping[str, Any], *, names_only: bool = False) -> list[str]:
-    """Return the values of an event, and the entries of a file that changed, each with its name.
-
-    Of a value with parts, such as the SHA-256 of files by name, only the names are shown with `names_only`.
-    """
-    ordered = {name: values[name] for name in (*_FIRST, *values) if name in values}
-    lines = [
-        f"{term('audit_value', name)} {_value_text(name, value, names_only=names_only)}".rstrip()
-        for name, value in ordered.items()
-        if name != _CHANGED and value not in (None, "", [])
-    ]
-    changed = values.get(_CHANGED)
-    if isinstance(changed, dict):
-        lines += [
-            f"{_entry_name(key)}: {_changed_text(before)} → {_changed_text(after)}"
-            for key, (before, after) in changed.items()
-        ]
-    return lines
-
-
-def _part_text(name: str, part: Any) -> str:
-    """Return a part of a value with its name, which is a term of the program or for example the name of a file."""
-    title = term("audit_value", name) if known(f"audit_value.{name}") else name
-    return f"{title} {part}".rstrip()
-
-
-def _entry_name(key: str) -> str:
-    """Return the name of an entry of a file on the Station page with its key, or only the key."""
-    parts = key.split(".")
-    # the last part of an entry of a list, such as the product of a slot, has another name elsewhere
-    names = ("_".join(parts), *([] if any(part.isdigit() for part in parts) else parts[-1:]))
-    name = next((each for each in names if known(f"setting.{each}")), None)
-    return key if name is None else say("history.audit_entry", name=say(f"setting.{name}"), key=key)
-
-
-def _changed_text(value: Any) -> str:
-    """Return a value of a file; a missing one is shown as a dash."""
-    if isinstance(value, list):
-        return say("common.comma").join(map(_changed_text, value))
-    return "–" if value is None else str(value)
-
-
-def _value_text(name: str, value: Any, *, names_only: bool) -> str:
-    """Return a value of an event, in the current language if it is a term of the program; "" for True."""
-    if value is True:
-        return ""
-    if isinstance(value, dict):
-        parts = [_part_text(key, "" if names_only else part) for key, part in list(value.items())[:_MAX_PARTS]]
-        return say("common.comma").join(parts) + ("…" if len(value) > _MAX_PARTS else "")
-    if isinstance(value, list):
-        return say("common.comma").join(map(str, value))
-    return _FAMILIES[name](str(value)) if name in _FAMILIES else str(value)
