@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from PySide6.QtCore import QPoint
 from PySide6.QtGui import QDesktopServices
-from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QPushButton, QScrollBar, QWidget
+from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QLineEdit, QPushButton, QScrollBar, QWidget
 
 from calstation.config import ConfirmationRequired, RunRequest, computer_user
 from calstation.gui.operator.production import document_buttons
@@ -87,8 +87,36 @@ def test_start_shows_units_that_were_not_displayed(operator: Operator, started: 
     assert started == []
     assert operator.window.focusWidget() is operator.widget("start_button")
     assert "SN-000004" in tile(operator, "slot_1_tile").accessibleName()
+    assert "These units will be calibrated" in operator.says()
+    operator.window.app.set_language("zh_CN")
+    assert "请核对，然后按“开始”按钮开始标定" in operator.says()
     operator.press("start_button")
     assert [request.serials for request in started] == [("SN-000004", "SN-000005", "SN-000006")]
+
+
+@pytest.mark.parametrize(
+    ("language", "entered", "remedy"),
+    [
+        ("en", "SN-000123 is in slot 1", "Press START to begin."),
+        ("zh_CN", "SN-000123 已填入装夹位 1", "按“开始”按钮开始标定。"),
+    ],
+)
+def test_start_says_in_which_slot_it_has_put_a_typed_number(
+    operator: Operator, started: list[RunRequest], language: str, entered: str, remedy: str
+) -> None:
+    use_slots(operator, 2)
+    operator.window.app.set_language(language)
+    edit = operator.widget("serial_edit", QLineEdit)
+    edit.setFocus()
+    operator.qtbot.keyClicks(edit, "SN-000123")  # without Enter
+    operator.press("start_button")
+    assert started == []
+    assert serials(operator)[0] == "SN-000123"
+    assert entered in operator.says()
+    assert remedy in operator.says()
+    assert operator.window.focusWidget() is operator.widget("start_button")
+    operator.press("start_button")
+    assert [request.serials[0] for request in started] == ["SN-000123"]
 
 
 @pytest.mark.long
@@ -501,6 +529,7 @@ def test_start_of_the_engineer_shows_units_that_were_not_displayed(
     operator.press("engineer_start_button")
     assert started == []
     assert "SN-000001" in tile(operator, "engineer_slot_1_tile").accessibleName()
+    assert "These units will be calibrated" in [label.text() for label in operator.window.findChildren(QLabel)]
     operator.press("engineer_start_button")
     assert [request.serials for request in started] == [("SN-000001", "SN-000002", "SN-000003")]
 

@@ -15,7 +15,7 @@ from calstation.gui.engineer.header import EngineerHeader
 from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.registers_view import UNNAMED, RegistersView
 from calstation.gui.engineer.result_analysis import ResultAnalysis
-from calstation.gui.operator import LiveView, SlotsPanel, StartDialog
+from calstation.gui.operator import LiveView, SlotsPanel, StartDialog, ask
 from calstation.gui.state import AppContext, Page
 from calstation.gui.text import on_language_change, product_text, say
 from calstation.gui.widgets import (
@@ -307,6 +307,7 @@ class EngineerPage(Page):
         request, serials = self._request(), self.app.slots.serials
         if serials and self._views.currentWidget() is not self._slots:
             self._tabs.setCurrentIndex(self._views.indexOf(self._slots))
+            ask(self.notice, "none", Text("question.units_in_slots"), {})
             return
         first = self.app.slots.units[:1] or (request.serial,)
         self._start_dialog.begin(replace(request, serial=first[0], serials=serials))

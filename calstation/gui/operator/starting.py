@@ -392,11 +392,15 @@ class RunStarter(QObject):
         While verdicts are displayed, or a number is in the field of a station with several slots, show the units in the
         slots instead: no unit is calibrated that was not displayed.
         """
-        displayed = not (self.slots and (self._app.run.ended or self._header.serial))
+        serial, displayed = self._header.serial, not (self.slots and (self._app.run.ended or self._header.serial))
         if self._app.engine_link.running or not self.check():
             return
         if not displayed:
             self._show_slots()
+            if self._notice.isHidden():
+                names = [slot.name for slot in self.slots if serial and slot.serial == serial]
+                entered = Text.of("question.unit_in_slot", serial=serial, slot="".join(names))
+                ask(self._notice, "none", entered if names else Text("question.units_in_slots"), {})
             return
         app, units = self._app, self.slots.units or (self._header.serial,)
         self.dialog.begin(
