@@ -644,14 +644,21 @@ def test_stage_says_that_the_run_is_stopping(simulated_run: Operator, language: 
     assert simulated_run.run.remaining is None
 
 
-def test_enter_after_a_fault_presses_the_stressed_button(simulated_run: Operator) -> None:
+def test_key_after_a_fault_does_not_reset_the_table(simulated_run: Operator) -> None:
     link = simulated_run.window.app.engine_link
     link.event.emit(StateChanged("fault", "running"))
     link.event.emit(Fault.of(DeviceFaultError("table.latched_drive", fault="drive")))
     end_run(simulated_run, "fault")
     reset = simulated_run.widget("verdict_reset_button", QPushButton)
+    pressed: list[bool] = []
+    reset.clicked.connect(pressed.append)
     assert reset.isVisible()
-    assert simulated_run.window.focusWidget() is reset
+    for key in (Qt.Key.Key_Space, Qt.Key.Key_Return):
+        simulated_run.qtbot.keyClick(simulated_run.window.focusWidget(), key)
+    assert pressed == []
+    assert simulated_run.run.fault is not None, "nor is it acknowledged"
+    simulated_run.qtbot.keyClick(simulated_run.window.focusWidget(), Qt.Key.Key_Tab)
+    assert simulated_run.window.focusWidget() is reset, "the next key of somebody who uses no mouse"
 
 
 def test_stopped_run_offers_no_certificate_in_place_of_its_resumption(simulated_run: Operator) -> None:

@@ -208,8 +208,8 @@ class VerdictPanel(QFrame):
         theme.set_kind(self.acknowledge_button, "" if reset else "primary")
 
     def focus_action(self) -> None:
-        """Focus the button that the fault asks for, which is the stressed one."""
-        (self.reset.button if self.reset.offered else self.acknowledge_button).setFocus()
+        """Focus the button that the fault asks for, but not the reset of the table: a stray key must not press it."""
+        (self if self.reset.offered else self.acknowledge_button).setFocus()
 
     def _reset_changed(self) -> None:
         self._stress()
