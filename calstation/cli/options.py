@@ -45,6 +45,14 @@ def output_file(path: str) -> Path:
     return Path(path)
 
 
+def document_file(path: str) -> Path:
+    """Return the file of an output option, whose name has a suffix unless it exists. Raises ConfigurationError."""
+    file = output_file(path)
+    if not file.suffix and not file.exists():
+        raise ConfigurationError("cli.out_without_suffix", path=path)
+    return file
+
+
 def _writable(target: str | None) -> str | None:
     """Return the value of ``--json``. Raises ConfigurationError if the file cannot be written."""
     if target is None or target == "-":

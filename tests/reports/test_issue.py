@@ -357,6 +357,35 @@ def test_slash_at_the_end_means_a_folder(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("report", "x.json", "-o", "certificates"),
+        ("report", "x.json", "-o", "x.pdf", "--dcc", "certificates"),
+        ("apply", "x.json", "x.h5", "-o", "certificates"),
+        ("design", "-o", "certificates"),
+        ("watch", "x.h5", "-o", "certificates"),
+        ("fleet", "export", "--database", "sqlite:///x.sqlite", "--version", "1", "-o", "certificates"),
+    ],
+    ids=" ".join,
+)
+def test_name_without_suffix_is_neither_a_new_file_nor_a_new_folder(
+    command: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run_app(list(command)) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "certificates is neither a folder nor the name of a file with a suffix. Give a file" in said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_name_of_an_existing_folder_needs_no_slash(gimbal: Made) -> None:
+    folder = gimbal.folder / "existing"
+    folder.mkdir()
+    assert report(gimbal.result_file, "-o", folder) == 0
+    assert [pdf.name for pdf in folder.iterdir()] == [f"{gimbal.result_file.stem}.pdf"]
+
+
 def test_slash_at_the_end_creates_the_folder_of_the_certificate(gimbal: Made) -> None:
     folder = gimbal.folder / "certificates"
     assert report(gimbal.result_file, "-o", f"{folder}/") == 0

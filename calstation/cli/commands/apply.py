@@ -8,7 +8,7 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from calstation.cli.options import JsonOption, ProductOption, StationOption, command_group, output_file
+from calstation.cli.options import JsonOption, ProductOption, StationOption, command_group, document_file
 from calstation.cli.show import emit_json, ignore_progress, new_table, plain_console, show_line, three_digits
 from calstation.cli.text import say
 from calstation.connection import OtherUnit, read_unit
@@ -31,7 +31,7 @@ def apply(
     log: Annotated[Path | None, typer.Argument(metavar="LOG")] = None,
     station: StationOption = None,
     product: ProductOption = None,
-    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE.csv", parser=output_file)] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE.csv", parser=document_file)] = None,
     json: JsonOption = None,
 ) -> int:
     """Apply a result to a recording or to the output of the connected unit, and compare every rest before and after.

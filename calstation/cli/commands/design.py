@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from calstation.cli.options import JsonOption, ProductOption, StationOption, command_group, output_file
+from calstation.cli.options import JsonOption, ProductOption, StationOption, command_group, document_file
 from calstation.cli.show import emit, job_progress, new_table, plain_console, show_line
 from calstation.cli.text import say
 from calstation.config import load_product, read_text
@@ -44,7 +44,7 @@ app = command_group()
 
 @app.command()
 def design(
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE.toml", parser=output_file)],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE.toml", parser=document_file)],
     product: ProductOption = None,
     station: StationOption = None,
     margin: Annotated[float, typer.Option(min=0.05, max=1.0)] = 0.8,

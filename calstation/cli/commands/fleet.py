@@ -20,7 +20,7 @@ from calstation.cli.options import (
     ParametersOnlyOption,
     StagesOption,
     command_group,
-    output_file,
+    document_file,
     parsed_stages,
 )
 from calstation.cli.show import emit_json, job_progress, new_table, plain_console, show_line
@@ -179,7 +179,7 @@ def compare(database: DatabaseOption, before: VersionOption, after: VersionOptio
 def export(
     database: DatabaseOption,
     version: VersionOption,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE.parquet", parser=output_file)],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE.parquet", parser=document_file)],
 ) -> None:
     """Write the solutions of a version to a Parquet file, which DuckDB, pandas and other programs can read."""
     with job_progress(say("cli.reading_solutions")) as progress:

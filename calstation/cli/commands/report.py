@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from calstation.cli.confirmation import ask_people
-from calstation.cli.options import ByOption, ConfirmedByOption, check_choice, command_group, names_folder, output_file
+from calstation.cli.options import ByOption, ConfirmedByOption, check_choice, command_group, document_file, names_folder
 from calstation.cli.show import job_progress, plain_console, show_line
 from calstation.cli.text import say, term
 from calstation.config import computer_user
@@ -30,14 +30,14 @@ def report(
     received: Annotated[str | None, typer.Option(metavar="YYYY-MM-DD")] = None,
     revise: Annotated[str | None, typer.Option(metavar="REASON")] = None,
     templates: Annotated[Path | None, typer.Option(metavar="DIR")] = None,
-    dcc: Annotated[Path | None, typer.Option(metavar="FILE.xml", parser=output_file)] = None,
+    dcc: Annotated[Path | None, typer.Option(metavar="FILE.xml", parser=document_file)] = None,
     sign: Annotated[Path | None, typer.Option(metavar="FILE.p12")] = None,
     by: ByOption = None,
     confirmed_by: ConfirmedByOption = None,
 ) -> None:
     """Write the certificate for a result or a log, and show its number and verdict. Raises ConfigurationError."""
     check_choice("--language", language, tuple(LANGUAGES))
-    pdf = Path(out)
+    pdf = Path(out) if names_folder(out) else document_file(out)
     for file in (pdf, dcc):
         if file is not None and not file.absolute().parent.is_dir():
             raise ConfigurationError("cli.out_unwritable", path=file)

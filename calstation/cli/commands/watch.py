@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from calstation.cli.options import JsonOption, ProductOption, by_name, command_group, output_file
+from calstation.cli.options import JsonOption, ProductOption, by_name, command_group, document_file
 from calstation.cli.show import emit_json, on_line, plain_console, show_line, three_digits
 from calstation.cli.text import say, sentence
 from calstation.config import RunRequest, load_pair_configuration, load_station, pair_folder
@@ -47,7 +47,7 @@ def watch(
     folder: Annotated[Path | None, typer.Option("--pairs")] = None,
     command: Annotated[bool, typer.Option("--now")] = False,
     serve: Annotated[str | None, typer.Option(metavar="HOST:PORT")] = None,
-    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE.jsonl", parser=output_file)] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE.jsonl", parser=document_file)] = None,
 ) -> int:
     """Monitor IMUs on one body, in a log or live, and calibrate the sensors that are out of tolerance.
 
