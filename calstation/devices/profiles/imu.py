@@ -58,7 +58,7 @@ class StreamSection(StrictModel):
     accel_lsb: float = Field(gt=0)
     gyro_quantisation: float | None = Field(default=None, ge=0)
     accel_quantisation: float | None = Field(default=None, ge=0)
-    bandwidth_hz: float | None = Field(default=None, gt=0)
+    bandwidth_hz: float | None = Field(default=None, gt=0, le=100_000)
     coning_compensated: bool = False
     order: Literal["before_registers", "after_registers"]
 

@@ -103,13 +103,13 @@ class AccuracySection(StrictModel):
     mount_sigma_deg: float = Field(gt=0, le=180)
     azimuth_sigma_deg: float = Field(gt=0, le=180)
     base_tilt_sigma_deg: float = Field(gt=0, le=90)
-    velocity_sigma: float = Field(gt=0)
-    velocity_interval_s: float = Field(gt=0)
+    velocity_sigma: float = Field(gt=0, le=10)
+    velocity_interval_s: float = Field(gt=0, le=60)
     axis_offset_mm: tuple[float, float] = Field(default=(0.0, 0.0), strict=False)
     axis_offset_sigma_mm: Annotated[float, Field(gt=0, le=100)] = 1e3 * AXIS_OFFSET_SIGMA
     repeatability_deg: float | None = Field(default=None, gt=0, le=1)
-    poll_latency_s: float = Field(default=0.0, ge=0)
-    poll_jitter_s: float = Field(default=0.0, ge=0)
+    poll_latency_s: float = Field(default=0.0, ge=0, le=1)
+    poll_jitter_s: float = Field(default=0.0, ge=0, le=1)
 
 
 class TableProfile(ProfileSection):

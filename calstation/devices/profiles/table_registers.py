@@ -197,8 +197,8 @@ class JointSection(ProfileSection):
 
     low_deg: float
     high_deg: float
-    max_rate_dps: float = Field(gt=0)
-    max_acceleration_dps2: float = Field(gt=0)
+    max_rate_dps: float = Field(gt=0, le=10_000)
+    max_acceleration_dps2: float = Field(gt=0, le=100_000)
 
     rules: ClassVar[Rules["JointSection"]] = (
         lambda joint: (
