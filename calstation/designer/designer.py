@@ -49,8 +49,8 @@ _CORRECTIONS = 4
 _MAX_DETECTION_RATIO = 1.02
 #: Number of rests used by the product's gravity check.
 _GRAVITY_RESTS = 3
-#: Fractions of the work that are done before the first beam and before the verification.
-_PROBE_END, _SEARCHED = 0.02, 0.9
+#: Fractions of the work that are done before the first beam, before the reserve, and before the verification.
+_PROBE_END, _SEARCHED, _RESERVED = 0.02, 0.9, 0.95
 #: Factor by which each step of the search for the smallest sigmas reduces the targets, and the number of steps.
 _TARGET_REDUCTION, _STEPS = 0.95, 8
 #: Factor that makes the targets of the first beam of this search unreachable.
@@ -187,13 +187,15 @@ class _Designer:
         """Search for a schedule, correct it, add the reserve, and verify it."""
         request = self._request
         if request.duration is None:
-            stops, factor = self._corrected(self._shortest()), 1.0
+            stops, factor = self._shortest(), 1.0
+            self._report(_SEARCHED, note="checking")
+            stops = self._corrected(stops)
             planned = len(stops)
             stops = self._with_reserve(stops)
         else:
             stops, factor = self._best(request.duration)
             planned = len(stops)
-        self._report(_SEARCHED, note="checking")
+        self._report(_RESERVED, note="checking")
         goal, moves = factor * self._goal, _moves(stops)
         times = list(self._trial.after_moves(moves))
         min_moves = self._min_moves(stops[:planned])
@@ -244,7 +246,7 @@ class _Designer:
         """Yield, for each condition other than the planned one, the time at which the sigmas reach `goal`."""
         conditions = list(self._trial.conditions())
         for number, condition in enumerate(conditions):
-            self._report(_SEARCHED + (1.0 - _SEARCHED) * number / len(conditions), note="checking")
+            self._report(_RESERVED + (1.0 - _RESERVED) * (number + 1) / (len(conditions) + 1), note="checking")
             yield self._trial.under(condition, moves, goal)
 
     def _shortest(self) -> Stops:
@@ -381,8 +383,12 @@ class _Designer:
 
     def _with_reserve(self, stops: Stops) -> Stops:
         """Return a schedule extended until the targets are reached with more noise and under other conditions."""
+        conditions = list(self._trial.conditions())
+        fractions = np.linspace(_SEARCHED, _RESERVED, len(conditions) + 2)[1:]
+        self._report(fractions[0], note="checking")
         stops = self._continued(stops, 1.0 / NOISE_FACTOR)
-        for condition in self._trial.conditions():
+        for fraction, condition in zip(fractions[1:], conditions, strict=True):
+            self._report(fraction, note="checking")
             if self._trial.under(condition, _moves(stops), self._goal).duration is None:
                 other = replace(self._conditions, context=condition.context, mount=condition.mount)
                 stops = self._continued(stops, _TARGET_TIGHTENING, SegmentLibrary(other))

@@ -23,9 +23,19 @@ def ignore(fraction, remaining_s=None, note=""):
 
 
 @pytest.fixture(scope="module")
-def mems():
+def fractions():
+    """The fractions that the design `mems` reports."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def mems(fractions):
     """A design from a short search."""
-    return design_schedule(ignore, DesignRequest(product=library.find("products", "mems_c"), time_limit=1.0))
+
+    def report(fraction, remaining_s=None, note=""):
+        fractions.append(fraction)
+
+    return design_schedule(report, DesignRequest(product=library.find("products", "mems_c"), time_limit=1.0))
 
 
 def changed(tmp_path: Path, kind: str, name: str, *changes: tuple[str, str]) -> Path:
@@ -50,6 +60,16 @@ def test_designed_schedule_meets_the_limits_with_margin_under_all_conditions(mem
     assert all(v.duration is not None and v.worst <= 1.0 for v in mems.variations)
     assert max(abs(angle) for outer, inner, _ in mems.moves for angle in (outer, inner)) <= 360.0
     assert sum(rest >= mems.gravity_rest for rest in mems.rests) >= 3
+
+
+@pytest.mark.long
+def test_progress_continues_after_the_search(mems, fractions):
+    """The reserve and the verification take as long as a short search."""
+    assert fractions == sorted(fractions)
+    assert 0.0 == fractions[0] <= fractions[-1] < 1.0
+    steps = sorted({fraction for fraction in fractions if fraction >= 0.9})
+    assert len(steps) > 2 * len(mems.variations)
+    assert max(np.diff(steps)) < 0.02
 
 
 def test_front_of_a_search_contains_complete_schedules(monkeypatch):
