@@ -352,7 +352,35 @@ def test_changed_schedule_is_marked_on_the_operator_page_and_applies_to_one_run(
     assert not mark.isVisible()
     engineer.window.show_page("engineer_page")
     assert engineer.widget("schedule_rate_dwell_s", QLineEdit).text() != "6.5"
-    assert "Selection and changed schedule apply to one run only." in engineer.says()
+    assert "the Operator page takes selection and changed schedule for one run only" in engineer.says()
+
+
+@pytest.mark.parametrize(
+    ("code", "said", "button"),
+    [("en", "The completed stages are kept", "Resume"), ("zh_CN", "已完成的阶段保留", "接着做")],
+)
+def test_stopped_run_is_resumed_from_the_engineer_page_with_the_question_of_the_operator_page(
+    engineer: Engineer, code: str, said: str, button: str
+) -> None:
+    engineer.window.app.set_language(code)
+    engineer.unlock()
+    engineer.press("engineer_start_button")
+    engineer.until(lambda: engineer.run.stage is not None and engineer.run.stage.name == "six_position")
+    engineer.press("stop_button")
+    engineer.until_ended()
+    assert said in engineer.says()
+    assert engineer.widget("engineer_resume_button", QPushButton).text() == button
+    engineer.press("engineer_resume_button")
+    engineer.until(lambda: engineer.window.operator_page.notice.offers("resume_choice"))
+    engineer.press("resume_choice")
+    engineer.until(lambda: engineer.run.in_progress)
+    assert not engineer.page.notice.asking
+    request = engineer.window.app.engine_link.request
+    assert request is not None
+    assert request.resume is not None
+    engineer.press("stop_button")
+    engineer.until_ended()
+    engineer.window.app.set_language("en")
 
 
 def test_question_about_an_unverified_transfer_outlasts_the_end_of_a_changed_schedule(engineer: Engineer) -> None:
@@ -411,9 +439,10 @@ def test_partial_run_is_marked_on_all_pages(engineer: Engineer) -> None:
     assert "PARTIAL: Rate, Six positions" in engineer.says()
     assert "out of date" not in engineer.says()
     assert "PASS" not in engineer.says()
-    assert engineer.page.choice.selector.stages == STAGES
-    assert engineer.window.app.stages is None
-    assert engineer.widget("engineer_start_button", QPushButton).text() == "START"
+    assert engineer.page.choice.selector.stages == ("rate", "six_position"), "to repeat it"
+    assert engineer.widget("engineer_serial_edit", QLineEdit).text() == "", "the unit must be identified again"
+    assert engineer.window.app.stages is None, "the next run of the Operator page is whole"
+    assert engineer.widget("engineer_start_button", QPushButton).text() == "START PARTIAL"
 
     engineer.window.show_page("operator_page")
     assert engineer.verdict == "PARTIAL"

@@ -15,7 +15,7 @@ from calstation.gui.engineer.header import EngineerHeader
 from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.registers_view import UNNAMED, RegistersView
 from calstation.gui.engineer.result_analysis import ResultAnalysis
-from calstation.gui.operator import LiveView, SlotsPanel, StartDialog, ask
+from calstation.gui.operator import LiveView, SlotsPanel, StartDialog, advice, ask
 from calstation.gui.state import AppContext, Page
 from calstation.gui.text import on_language_change, product_text, say
 from calstation.gui.widgets import (
@@ -39,6 +39,9 @@ from calstation.sequencer import Event, Finalized
 #: Width of the panel on the left, px.
 _PANEL_WIDTH = 46 * theme.GRID
 
+#: Object name of the button that resumes a stopped run.
+_RESUME = "engineer_resume_button"
+
 
 class EngineerPage(Page):
     """The page on which engineers select stages, preview and start runs, and inspect results and registers."""
@@ -52,6 +55,8 @@ class EngineerPage(Page):
         self._problem: CalstationError | None = None
         #: Name of the log of the last run, or of its first unit; "" before its end, None before the first run.
         self._last_log: str | None = None
+        #: Whether the choice is kept after the run in progress, because it was started on this page.
+        self._keeps_choice = False
         #: Code of the reason why nothing may start, and why the station and the product are not usable for a run.
         self._obstacles: tuple[str | Text, Text | None] = ("", None)
         self.header = self._header = EngineerHeader(app.run)
@@ -186,7 +191,7 @@ class EngineerPage(Page):
 
     def _choice_undone(self) -> None:
         """Reset the selection after another page has selected the whole calibration."""
-        if self.app.stages is None and self.choice.selector.stages:
+        if self.app.stages is None and self.choice.selector.stages and not self._keeps_choice:
             self._restore_product()
 
     def _restore_product(self) -> None:
@@ -205,8 +210,15 @@ class EngineerPage(Page):
         self._update()
 
     def _running_changed(self, running: bool) -> None:
-        """Show a run live; after it, clear the serial number, restore the product's choice, and show its remarks."""
+        """Show a run live; after it, clear the serial number and show its remarks.
+
+        The choice of stages and schedule applies to one run, but is kept here after a run that was started here. The
+        serial number is not kept: the unit on the table must be identified before every run.
+        """
         self._start_dialog.drop()
+        self._keeps_choice = self.isVisible() if running else self._keeps_choice and self.app.role.engineer
+        if running and self.notice.offers(_RESUME):
+            self.notice.dismiss()
         if running and not self.app.run.register_operation:
             self._last_log = ""
             self._close_result()
@@ -217,11 +229,24 @@ class EngineerPage(Page):
             self.analysis.refresh()
         if not running and self.app.engine_link.operation is None:
             self._header.serial_edit.clear()
-            self._restore_product()  # also a selection without stages, which is no choice for a run
+            if not (self._keeps_choice and self.choice.selector.stages):
+                self._restore_product()
+            self._keeps_choice = False
             for name, values in self.app.run.unit.remarks:
                 if name in ("certificate_waits", "certificate_not_made", "table_moved"):
                     self.notice.ask("caution", event_text(name, values), "")
+            self._offer_resume()
         self._update()
+
+    def _offer_resume(self) -> None:
+        """After a stopped run that can be resumed, offer the question of the Operator page."""
+        for unit in self.app.run.units:
+            ended, result = unit.finalized, unit.result
+            if ended is not None and result is not None and result.advice == "resume":
+                resume = Choice(_RESUME, "history.resume", partial(self.app.resume_run.emit, Path(ended.log)))
+                title = partial(advice.next_action, ended.verdict, result)
+                self.notice.ask("paused", title, "", (resume,))
+                return
 
     def _request(self) -> RunRequest:
         app, header = self.app, self._header
