@@ -126,6 +126,21 @@ def shipped(kind: str, name: str) -> str:
 # Limits
 
 
+@pytest.mark.parametrize(
+    ("code", "line"),
+    [("en", "Gyro bias, Highest (°/h): 3.09397 → 2.5"), ("zh_CN", "陀螺零偏，最大（°/h）：3.09397 → 2.5")],
+)
+def test_compare_shows_changed_numbers_in_the_units_of_the_form(forms: FormDriver, code: Language, line: str) -> None:
+    forms.open("products", "nav_a", "Limits")
+    forms.enter("gyro bias", "Highest", "2.5")
+    language.use(code)
+    forms.show_view(say("common.compare"))
+    shown = forms.page.profiles.diff.toPlainText().splitlines()
+    language.use("en")
+    assert line in shown
+    assert "+within = 1.21203420277384e-05" in shown, "the text of the file follows"
+
+
 def test_a_reason_is_required_for_changed_limits(forms: FormDriver, site_folder: Any) -> None:
     forms.open("products", "nav_a", "Limits")
     save, reason = forms.find(QPushButton, "save_station_button"), forms.find(QLineEdit, "change_reason_edit")

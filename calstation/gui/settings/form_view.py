@@ -1,6 +1,6 @@
 """Forms for the lists and tables of a file, such as limits and registers, which are editable tables of values."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
@@ -34,6 +34,9 @@ from calstation.messages import known
 from calstation.schema import KeyPath, Problem
 
 Index = QModelIndex | QPersistentModelIndex
+
+#: Function that returns the value at a key path of a file, or None.
+Get = Callable[[KeyPath], Any]
 
 #: Maximum width of a column, and width of the arrow in a cell with choices, px.
 _MAX_WIDTH, _ARROW_WIDTH = 34 * theme.GRID, 3 * theme.GRID
@@ -94,12 +97,28 @@ class FormModel(ParameterModel):
             return ""
         index = self.index_of(cells[0])
         heading = self._heading(self._form_columns[index.column()], unit=False) if len(cells) == 1 else ""
-        name, unit = self._title(self.rows[index.row()].name), cells[0].unit[0]
-        name = say("form.row", number=name) if self.form.names == "number" else name
+        name = self._cell_name(self.rows[index.row()].name, heading, cells[0].unit[0])
+        return say("form.problem", name=name, what=problem_text(cells[0].in_display_unit(problem)))
+
+    def differences(self, old: Get, new: Get) -> list[str]:
+        """Return a line for each value with a unit that two texts of a file state differently, in its display unit."""
+        columns, earlier = self.form.columns(new), {each.name: each.cells for each in self.form.rows(old)}
+        lines = []
+        for each in self.form.rows(new):
+            for heading, cell in zip(columns, each.cells, strict=True):
+                if isinstance(cell, FormCell) and cell.unit[0] and each.name in earlier:
+                    before, after = (str(cell.displayed(get)) for get in (old, new))
+                    name = self._cell_name(each.name, self._heading(heading, unit=False), cell.unit[0])
+                    values = {"old": with_minus(before) or "–", "new": with_minus(after) or "–"}
+                    lines += [say("form.changed", name=name, **values)] if before != after else []
+        return lines
+
+    def _cell_name(self, name: str, heading: str, unit: str) -> str:
+        """Return the name of a row with the heading of a column and a unit, unless they are ""."""
+        name = say("form.row", number=self._title(name)) if self.form.names == "number" else self._title(name)
         name = say("form.cell", row=name, column=heading) if heading else name
         name = say("form.in_unit", name=name, unit=unit) if unit else name
-        what = problem_text(cells[0].in_display_unit(problem))
-        return say("form.problem", name=f"{name[:1].upper()}{name[1:]}", what=what)
+        return f"{name[:1].upper()}{name[1:]}"
 
     def lines(self, rows: Iterable[int]) -> list[list[str]]:
         """Return the headings and the rows for a spreadsheet."""

@@ -1,7 +1,9 @@
 """Forms and text of product, IMU, table and station files, with their problems and earlier versions."""
 
 import difflib
-from collections.abc import Iterable
+import tomllib
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -30,7 +32,8 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.messages import local_time
-from calstation.schema import Problem
+from calstation.parsing import parse_toml
+from calstation.schema import Problem, value_at
 
 #: Maximum number of problems that are visible without scrolling.
 _MAX_PROBLEMS = 3
@@ -361,9 +364,19 @@ class ProfilesSection(QWidget):
         old, new = text.splitlines(), draft.text.splitlines()
         lines = list(difflib.unified_diff(old, new, name, say("settings.present_text"), lineterm="", n=4))
         same = [say("settings.same_text", name=name), self._change_outside(draft) if self._compared is None else ""]
-        self.diff.setPlainText("\n".join(lines or filter(None, same)))
+        numbers = [*self._differences(draft, text), ""] if lines else []
+        self.diff.setPlainText("\n".join(filter(None, same) if not lines else [*numbers, *lines]))
         colours = {"+": theme.colours().good, "-": theme.colours().bad}
-        self.diff.shade((i, colours[line[0]]) for i, line in enumerate(lines, 1) if line[:1] in colours)
+        first = len(numbers) + 1
+        self.diff.shade((i, colours[line[0]]) for i, line in enumerate(lines, first) if line[:1] in colours)
+
+    def _differences(self, draft: Draft, text: str) -> Iterator[str]:
+        """Yield the numbers that an older text states differently, in the units of the forms; the file is in SI."""
+        with suppress(tomllib.TOMLDecodeError):
+            old = partial(value_at, parse_toml(text))
+            for form in self.forms:
+                if form.form.kind == draft.kind:
+                    yield from form.model.differences(old, draft.value)
 
     def _change_outside(self, draft: Draft) -> str:
         """Return a sentence if the saved text of a file is not that of its latest version, otherwise ""."""
