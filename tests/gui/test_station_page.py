@@ -151,7 +151,10 @@ def test_invalid_value_shows_an_error_and_cannot_be_saved(page_driver: PageDrive
     assert page_driver.message("site_latitude_deg") == "Out of range; it must be at most 90."
     save = page_driver.find(QPushButton, "save_station_button")
     assert not save.isEnabled()
-    assert save.toolTip() == "Correct first, in “test”: site.latitude_deg: Out of range; it must be at most 90."
+    assert save.toolTip() == "Correct first, in “test”: Site, Latitude: Out of range; it must be at most 90."
+    language.use("zh_CN")
+    assert save.toolTip() == "请先改正“test”：站址，纬度：超出范围，不得大于 90。"
+    language.use("en")
     assert page_driver.find(QLabel, "unsaved_label").text() == "● Not saved: test"
     page_driver.type("site_latitude_deg_edit", "ten")
     assert page_driver.message("site_latitude_deg") == "Not a number; type one like 12.5."
@@ -208,9 +211,7 @@ def test_current_station_is_listed_once(page_driver: PageDriver, site_folder: An
 def test_edited_shipped_file_is_saved_in_the_site_folder(page_driver: PageDriver, site_folder: Any) -> None:
     page_driver.show_section(TABLE)
     page_driver.type("outer_high_deg_edit", "-2000")
-    assert (
-        page_driver.message("outer_high_deg") == "low_deg = −1080 must be below high_deg = −2000. Correct one of them."
-    )
+    assert page_driver.message("outer_high_deg") == "The lowest angle, −1080°, must be below the highest, −2000°."
     assert "no travel" in page_driver.page.findChild(TravelPlot).accessibleName()
     page_driver.type("outer_high_deg_edit", "400")
     assert page_driver.message("outer_high_deg") == ""
@@ -502,9 +503,8 @@ def test_a_chamber_is_chosen_described_and_tested(page_driver: PageDriver, chine
     page_driver.choose("chamber_profile_combo", "virtual_chamber")
     page_driver.type("chamber_ambient_c_edit", "21")
     page_driver.type("chamber_dew_point_c_edit", "22")
-    assert page_driver.message("chamber_dew_point_c").startswith(
-        "The dew point 22 °C is not below the ambient temperature 21 °C."
-    )
+    said = "The dew point, 22 °C, must be below the ambient temperature, 21 °C."
+    assert page_driver.message("chamber_dew_point_c") == said
     page_driver.type("chamber_dew_point_c_edit", "12.5")
     assert page.drafts.station.value(("chamber",)) == {
         "profile": "virtual_chamber",

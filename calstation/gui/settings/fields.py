@@ -97,6 +97,20 @@ def _describe(port: SerialPortInfo) -> str:
 
 #: Widths of the label, the input and the unit of a field, px.
 LABEL, EDITOR, _UNIT = 22 * theme.GRID, 30 * theme.GRID, 9 * theme.GRID
+#: Headings under which the entries of a section of a file are edited.
+_HEADINGS = {
+    "table": "settings.link_to_table",
+    "chamber": "settings.link_to_chamber",
+    "imu": "settings.link_to_imu",
+    "site": "settings.site",
+    "records": "settings.shared_records",
+    "laboratory": "settings.laboratory",
+    "sign_in": "settings.operators",
+    "accuracy": "settings.accuracy",
+    "outer": "settings.outer_axis",
+    "middle": "settings.middle_axis",
+    "inner": "settings.inner_axis",
+}
 #: Width of the unit in a table of fields, px.
 _SHORT_UNIT = 7 * theme.GRID
 
@@ -206,8 +220,25 @@ def panel(*items: Item, spacing: int = theme.GRID) -> QWidget:
     return box(frame, None)
 
 
-def problem_text_with_name(problem: Problem) -> str:
-    """Return the text of a problem with the name of its field, for display away from the field."""
+def problem_text_with_name(problem: Problem, kind: str = "stations") -> str:
+    """Return the text of a problem in a file of a kind with the label of its field, for display away from the field.
+
+    An entry without a field, which is edited in the text of the file, has its name in the file.
+    """
+    has_fields = kind in ("stations", "tables") and problem.kind != "extra_forbidden"
+    if has_fields and (name := _label_of(problem.key_path)):
+        return say("form.problem", name=name, what=problem_text(problem))
     if known(f"field.{problem.kind}") and problem.key_path:
         return f"{problem.name}: {problem_text(problem)}"
     return say(problem.as_text)
+
+
+def _label_of(key_path: KeyPath) -> str:
+    """Return the labels of a section and its field, or "" if no field edits the entry."""
+    if len(key_path) not in (1, 2) or not all(isinstance(key, str) for key in key_path):
+        return ""
+    *sections, field = key_path
+    if not known(f"setting.{field}"):
+        return ""
+    heading = _HEADINGS.get(str(sections[0])) if sections else None
+    return say("form.cell", row=say(heading), column=say(f"setting.{field}")) if heading else say(f"setting.{field}")

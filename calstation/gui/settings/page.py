@@ -249,7 +249,7 @@ class StationPage(Page):
             each.setVisible(bool(dirty))
         reason = self._why_not_save()
         if invalid and not reason:
-            first = problem_text_with_name(invalid[0].problems[0])
+            first = problem_text_with_name(invalid[0].problems[0], invalid[0].kind)
             reason = say("settings.correct_in", file=invalid[0].name, problem=first)
         self._reason_row.setVisible(self.drafts.needs_reason)
         enable(self._save_button, reason or self._missing_reason())
