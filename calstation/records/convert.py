@@ -11,7 +11,8 @@ from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
 from calstation.physics import FloatArray
 from calstation.records.csv_logs import meta_path, write_csv_log
-from calstation.records.facts import LogFacts
+from calstation.records.facts import LogFacts, pauses_of
+from calstation.records.log import Log
 from calstation.records.log_formats import open_log
 from calstation.records.meta import LogMeta, context_from_meta
 
@@ -48,7 +49,7 @@ def export_csv(
             if progress is not None:
                 progress(done)
 
-    write_csv_log(target, log.meta, counted())
+    write_csv_log(target, _with_pauses(log), counted())
     return log.facts()
 
 
@@ -77,8 +78,14 @@ def export_corrected(
 
     unit = {"output": "rate", "gyro_lsb": 1.0, "accel_lsb": 1.0, "gyro_quantisation": 0.0, "accel_quantisation": 0.0}
     imu = meta.imu.model_copy(update=unit)
-    sections = {"imu": imu, "prior": {}, "prior_correlation": {}, "registers": {}, "run": None}
+    pauses = [] if source is None else _with_pauses(open_log(source)).pauses
+    sections = {"pauses": pauses, "imu": imu, "prior": {}, "prior_correlation": {}, "registers": {}, "run": None}
     write_csv_log(target, meta.model_copy(update=sections), map(corrected, blocks))
+
+
+def _with_pauses(log: Log) -> LogMeta:
+    """Return the configuration of a log with its pauses, because an exported log has no events."""
+    return log.meta.model_copy(update={"pauses": pauses_of(log.events, log.meta)})
 
 
 def _check_target(target: Path, sources: Iterable[Path]) -> None:

@@ -5,7 +5,7 @@ It does not depend on the block sizes.
 
 import hashlib
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,7 +45,8 @@ class FactsBuilder:
     """Accumulates `LogFacts` from consecutive blocks."""
 
     def __init__(self, meta: LogMeta) -> None:
-        self._configuration = meta.to_json()
+        # the pauses of an exported log are events of the exported one, which its digest does not include
+        self._configuration = meta.model_copy(update={"pauses": []}).to_json()
         self._rows = hashlib.sha256()
         self._stages = hashlib.sha256()
         self._more_columns = hashlib.sha256()
@@ -112,13 +113,12 @@ class UnusedSamples:
     """Finds the ranges of samples that a log marks as invalid, and whether they were recorded during a pause.
 
     Samples of a pause are sound, but no step uses them. A pause includes the return to the start of the interrupted
-    step. A log without events or arrival times does not reveal its pauses, nor does one that begins with stages of
-    another run, whose events and clock it lacks.
+    step. A log without arrival times, or without events and stated pauses, does not reveal its pauses, nor does one
+    that begins with stages of another run, whose events and clock it lacks.
     """
 
     def __init__(self, events: Iterable[Mapping[str, Any]], meta: LogMeta) -> None:
-        resumed = meta.run is not None and meta.run.resumed_from is not None
-        self._pauses = () if resumed else tuple(_pauses(events))
+        self._pauses = [(start, *end, math.inf) for start, *end in pauses_of(events, meta)]
         #: The latest range, which the next block may continue, shape (0, 4) or (1, 4).
         self._latest = np.empty((0, 4), np.int64)
         self.invalid = 0  #: Number of invalid samples without those of pauses, in the completed ranges.
@@ -133,7 +133,7 @@ class UnusedSamples:
         starts, stops = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
         in_pause = np.zeros(len(block), np.bool_)
         if block.station.shape[1]:
-            for start, stop in self._pauses:
+            for start, stop, *_ in self._pauses:
                 in_pause |= (block.station[:, 0] >= start) & (block.station[:, 0] <= stop)
         count = np.concatenate([[0], np.cumsum(in_pause)])
         ranges = np.column_stack(
@@ -161,17 +161,22 @@ class UnusedSamples:
         return ranges
 
 
-def _pauses(events: Iterable[Mapping[str, Any]]) -> Iterator[tuple[float, float]]:
-    """Yield the station times at which the run was paused and resumed, s; infinity if it was not resumed."""
-    start: float | None = None
+def pauses_of(events: Iterable[Mapping[str, Any]], meta: LogMeta) -> list[list[float]]:
+    """Return the station times at which each pause of a log began and ended, s; without the end if it did not end.
+
+    They come from the events of a run, or from the configuration of an exported log, which has no events.
+    """
+    if meta.run is not None and meta.run.resumed_from is not None:
+        return []
+    pauses: list[list[float]] = []
+    was_paused = False
     for event in events:
         if event.get("event") != "StateChanged" or event.get("station_time") is None:
             continue
         paused = event.get("state") in ("pausing", "paused")
-        if paused and start is None:
-            start = float(event["station_time"])
-        elif not paused and start is not None:
-            yield start, float(event["station_time"])
-            start = None
-    if start is not None:
-        yield start, math.inf
+        if paused and not was_paused:
+            pauses.append([float(event["station_time"])])
+        elif was_paused and not paused:
+            pauses[-1].append(float(event["station_time"]))
+        was_paused = paused
+    return pauses or meta.pauses

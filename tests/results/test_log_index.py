@@ -1,5 +1,6 @@
 """The index of a log: plot data at any width, stages, steps, gaps and single samples."""
 
+import tomllib
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -12,6 +13,7 @@ from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
 from calstation.messages import render
 from calstation.records import LogMeta, RawLogWriter, UnusedSamples, export_csv
+from calstation.records.facts import FactsBuilder
 from calstation.results.inspection import inspect_recording
 from calstation.results.plots import BINS, CHANNELS, LogIndex, MinMaxPyramid, log_index, samples
 from calstation.results.plots.index import _hold
@@ -146,6 +148,27 @@ def test_samples_of_a_pause_are_not_called_invalid(tmp_path: Path) -> None:
     for words, expected in (("en", "4000 samples during a pause, not used"), ("zh_CN", "暂停期间 4000 个采样点")):
         rows = dict(recording.summary)
         assert expected in render("look.paused_are", rows["look.paused"].values, words).text  # type: ignore[arg-type]
+
+
+def test_exported_log_distinguishes_pauses_from_invalid_samples(tmp_path: Path) -> None:
+    path, exported, again = paused_log(tmp_path), tmp_path / "exported.csv", tmp_path / "again.csv"
+    export_csv(path, exported)
+    export_csv(exported, again)
+    for file in (exported, again):
+        recording = inspect_recording(file)
+        assert (recording.invalid, recording.paused) == (10, 4_000)
+
+
+def test_exported_pause_without_an_end_lasts_until_the_end() -> None:
+    meta = LogMeta.model_validate({**META, "pauses": [[5.0, 7.0], [50.0]]})
+    unused = UnusedSamples([], LogMeta.model_validate(tomllib.loads(meta.to_toml())))
+    part = block("rate", np.arange(100), 1)
+    part.valid[5:8] = part.valid[50:] = False
+    unused.add(replace(part, station=np.arange(100.0)[:, None]))
+    unused.close()
+    assert (unused.paused, unused.invalid) == (53, 0)
+    digests = {FactsBuilder(each).facts().sha256 for each in (meta, LogMeta.model_validate(META))}
+    assert len(digests) == 1, "the digest remains that of the run"
 
 
 def test_log_without_arrival_times_does_not_reveal_its_pauses(tmp_path: Path) -> None:
