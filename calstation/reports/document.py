@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from calstation import __version__
+from calstation.devices.profiles import ImuProfile
 from calstation.judgement import COVERAGE_FACTOR, Check
 from calstation.messages import (
     Language,
@@ -19,6 +20,7 @@ from calstation.messages import (
     station_name,
     term,
 )
+from calstation.parsing import parse_toml
 from calstation.physics import (
     DEGREE,
     INDEX,
@@ -99,7 +101,7 @@ class _Document:
             "unit": {
                 "serial": result.serial,
                 "product": None if result.product is None else product_name(result.product, self._language),
-                "imu": self._file("imu"),
+                "imu": self._interface(),
                 "secondaries": [
                     {"name": term("dcc", "secondary", self._language, number=number), "serial": imu.serial}
                     for number, imu in self._meta.secondaries.items()
@@ -127,9 +129,14 @@ class _Document:
     def _say(self, text: Text) -> str:
         return render(text.code, text.values, self._language, window=True).sentences
 
-    def _file(self, kind: str) -> str | None:
-        file = self._result.configuration.get(kind)
-        return None if file is None else file.name
+    def _interface(self) -> str | None:
+        """Return the protocol and the name of the unit's IMU profile; None if the log does not contain it."""
+        profile = parse_toml(self._meta.profiles.get("imu", ""))
+        if "name" not in profile:
+            return None
+        protocol = str(profile.get("protocol", ImuProfile.model_fields["protocol"].default))
+        values = {"name": term("protocol", protocol, self._language), "note": str(profile["name"])}
+        return render("common.noted", values, self._language).text
 
     def _verdict(self) -> Text:
         result, verdict = self._result, self._certificate.verdict

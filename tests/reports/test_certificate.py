@@ -22,10 +22,11 @@ from helpers import sampled
 
 from calstation.config import RunRequest
 from calstation.config.library import shipped_folder
+from calstation.devices.profiles import PROTOCOLS
 from calstation.errors import InputError
 from calstation.estimation import Diagnosis
 from calstation.judgement import Check
-from calstation.messages import Language, parameter_name, sentence
+from calstation.messages import Language, catalogue, parameter_name, sentence
 from calstation.physics import INDEX, RATE, display
 from calstation.records import PriorSection, context_from_meta, open_log
 from calstation.records.meta import SecondaryImuSection
@@ -350,6 +351,29 @@ def test_nis_and_its_band_have_equal_numbers_of_decimals(made: Made) -> None:
     (stage, *_) = document(changed, made.analysis, "en")["stages"]
     assert stage["band"] == "2.70 … 3.47"
     assert re.fullmatch(r"\d+\.\d\d", stage["nis"])
+
+
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+@pytest.mark.parametrize(
+    ("language", "protocol", "words"),
+    [
+        ("en", None, "Sample stream with command frames (Unit A)"),
+        ("zh_CN", None, "数据流和命令帧（Unit A）"),
+        ("en", "modbus", "Sample stream and Modbus RTU registers (Unit A)"),
+        ("zh_CN", "stream", "数据流，无命令（Unit A）"),
+    ],
+)
+def test_data_interface_is_named_in_words(made: Made, language: Language, protocol: str | None, words: str) -> None:
+    profile = tomli_w.dumps({"name": "Unit A", **({} if protocol is None else {"protocol": protocol})})
+    meta = made.certificate.meta
+    certificate = replace(made.certificate, meta=meta.model_copy(update={"profiles": {"imu": profile}}))
+    assert document(certificate, made.analysis, language)["unit"]["imu"] == words
+    unknown = replace(made.certificate, meta=meta.model_copy(update={"profiles": {}}))
+    assert document(unknown, made.analysis, language)["unit"]["imu"] is None
+
+
+def test_every_protocol_has_a_name_for_certificates() -> None:
+    assert set(catalogue.family("protocol")) == {f"protocol.{name}" for name in ("stream", *PROTOCOLS)}
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
