@@ -54,6 +54,7 @@ def test_operators_and_engineers_have_their_chapters_in_chinese() -> None:
         "connect",
         "verdict",
         "several-units",
+        "production-line",
         "history",
         "design-a-schedule",
         "temperature",
