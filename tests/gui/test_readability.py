@@ -194,6 +194,23 @@ def test_question_above_a_verdict_on_a_small_screen_covers_no_text(simulated_run
     assert [text.text() for text in labels if not fits(text)] == []
 
 
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_long_notes_below_a_question_on_a_small_screen_scroll(simulated_run: Operator, code: str) -> None:
+    window = simulated_run.window
+    window.app.set_language(code)
+    window.resize(1280, 720)
+    end_run(simulated_run, "passed", standard_override="measured at the laboratory, expected back on Friday " * 8)
+    page = window.findChild(OperatorPage)
+    panel = page._verdict
+    bar, text = panel._notes_area.verticalScrollBar(), panel._notes
+    page.notice.ask("caution", lambda: "Calibrate again?", lambda: "It has passed. " * 30)
+    simulated_run.until(bar.isVisible)
+    simulated_run.until(lambda: fits(text))
+    bar.setValue(bar.maximum())
+    end = text.mapTo(panel._notes_area.viewport(), QPoint(0, text.height())).y()
+    assert end <= panel._notes_area.viewport().height(), "the last line can be read"
+
+
 def test_shipped_names_of_products_and_stations_are_translated(operator: Operator) -> None:
     language.use("zh_CN")
     for kind, name_text in (("products", product_text), ("stations", station_text)):

@@ -21,6 +21,7 @@ from calstation.gui.text import duration_text, fault_text, language, say
 from calstation.gui.widgets import (
     NoticeBar,
     PlainLabel,
+    ShrinkingText,
     StateIcon,
     button,
     clear,
@@ -161,7 +162,8 @@ class VerdictPanel(QFrame):
             *(self.close_button, self.acknowledge_button, self.label_button, self.certificate_button),
             *(self.details_button, self._station_button, None),
         )
-        self._beside = column(self._facts, self._notes, buttons, None)
+        self._notes_area = ShrinkingText(self._notes)
+        self._beside = column(self._facts, self._notes_area, buttons, None)
         self.reset.changed.connect(self._reset_changed)
         people, self._values = self.certificate_button.panel, QWidget()
         row(column(self._figures, None), (self._beside, 1), on=self._values, spacing=3 * theme.GRID)
@@ -296,6 +298,7 @@ class VerdictPanel(QFrame):
             (self._facts, "  ·  ".join(self._fact_texts())),
         ):
             show_text(widget, content)
+        self._notes_area.setVisible(bool(self._notes.text()))
         self._figure_count = len(figures) + any(figure.guarded for figure in figures)  # with the note on the guard band
         self._fit_texts()
         self._figures.show_result(shown)

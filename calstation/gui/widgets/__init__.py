@@ -87,3 +87,4 @@ from calstation.gui.widgets.plot import (
 from calstation.gui.widgets.result_views import ChecksTable, ComparisonTable, MissingEffect, ParameterSet
 from calstation.gui.widgets.stacked_plots import Band, StackedPlots, dashed, time_unit
 from calstation.gui.widgets.temperature_curves import TemperatureCurves
+from calstation.gui.widgets.text_area import ShrinkingText
