@@ -63,7 +63,8 @@ class UnprintedNotice(NoticeBar):
         again = Choice("print_again_button", "operator.print_again", self._print)
         close = Choice(f"{self.objectName()}_close", "common.close", self._close)
         title = Text.of("operator.label_not_printed", serials=list(self._labels))
-        self.ask("bad", title, lambda: "\n".join(dict.fromkeys(map(say, reasons))), (again, close))
+        texts = *reasons, Text("operator.label_later")
+        self.ask("bad", title, lambda: "\n".join(dict.fromkeys(map(say, texts))), (again, close))
 
     def _print(self) -> None:
         """Print the labels again; the notice stays until they have been printed."""
