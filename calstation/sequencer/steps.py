@@ -49,8 +49,8 @@ DrivenStep: TypeAlias = Move | Dwell | ManualMove | GimbalZero | GimbalTurn | So
 class OperatorGuide:
     """Guides the operator through the positions of each stage; an interrupted position is requested again.
 
-    Invalid samples and samples around a gap are not part of a rest. `requested` contains the last requested rail
-    angles, rad.
+    Invalid samples and samples around a gap are not part of a rest. `requested` contains the rail angles of the
+    last completed position, rad.
     """
 
     def __init__(self, control_loop: ControlLoop) -> None:
@@ -88,7 +88,8 @@ class OperatorGuide:
                 guide.feed(block)
             self._blocks.clear()
         self._show(step, guide.now)
-        self.requested = (step.outer, step.inner)
+        if len(guide.now.positions) >= step.index:
+            self.requested = (step.outer, step.inner)
 
     def _show(self, step: ManualMove, now: Guidance) -> None:
         """Emit changes immediately, and other updates a few times per second."""

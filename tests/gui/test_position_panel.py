@@ -1,6 +1,7 @@
 """The position guide for a manual rig: state symbol, instruction, position count, and progress ring during a rest."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -155,6 +156,24 @@ def test_no_instruction_is_shown_between_last_position_and_verification(panel: P
     assert not panel.finish_button.isVisible()
     panel.show_position(guided("enough", 2, stage=""))
     assert panel.task_label.text() == "Turn the inner rail to about 60°."
+
+
+@pytest.mark.parametrize(
+    ("code", "keep", "done"),
+    [
+        ("en", "Leave both rails where they are.", "All positions done"),
+        ("zh_CN", "两个导轨都保持原位。", "全部位置已完成"),
+    ],
+)
+def test_verification_requests_no_completed_rotation(panel: PositionPanel, code: str, keep: str, done: str) -> None:
+    language.use(code)
+    turn = replace(guided("enough", 2, stage=""), count=2)
+    panel.show_position(replace(turn, index=1, state="waiting", inner=0.0, done=()))
+    assert panel.task_label.text() == keep
+    panel.show_position(turn)
+    assert "60°" in panel.task_label.text()
+    panel.show_position(replace(turn, done=(*X, *Y)))
+    assert panel.badge.text() == done
 
 
 def test_upside_down_unit_is_drawn(panel: PositionPanel) -> None:

@@ -225,6 +225,16 @@ def test_stage_can_be_ended_once_the_positions_are_well_distributed() -> None:
     assert 12 < last.index < len(ALL_ROUND)
 
 
+def test_verification_begins_at_the_last_completed_position_of_a_stage_ended_before_the_next() -> None:
+    scene = ManualScene(ALL_ROUND)
+    scene.instead[26] = lambda _: scene.control.send(Command.END_STAGE)
+    assert verdict(scene.run()) == "passed"
+    guided = scene.events_of(PositionGuided)
+    assert [e for e in guided if e.stage][-1].index == 26
+    check = next(e for e in guided if not e.stage)
+    assert (check.outer, check.inner) == ALL_ROUND[24]
+
+
 def test_stop_ends_the_wait_for_the_operator() -> None:
     scene = ManualScene()
     scene.instead[2] = lambda pose: scene.later(30.0, lambda: scene.control.send(Command.STOP))

@@ -58,7 +58,8 @@ class PositionPanel(QFrame):
 
     def show_position(self, guided: PositionGuided) -> None:
         """Show the progress of a position."""
-        self._guided, self._finished = guided, False
+        last_completed = guided.index == guided.count <= len(guided.done) // 3
+        self._guided, self._finished = guided, last_completed
         self.picture.show_position(guided)
         self._refresh()
 
@@ -125,7 +126,8 @@ class PositionPanel(QFrame):
         if outer and inner:
             before, after = (self.picture.up_at(angle, now.inner_before) for angle in (now.outer_before, now.outer))
             outer = bool(before @ now.up > after @ now.up)
-        rail = "outer" if outer else "inner" if inner else "none"
+        none = "none" if now.stage else "none_verification"
+        rail = "outer" if outer else "inner" if inner else none
         angles = {name: f"{np.rad2deg(angle):.0f}°" for name, angle in (("outer", now.outer), ("inner", now.inner))}
         return with_minus(say(f"position.turn_{rail}", **angles))
 
