@@ -29,6 +29,7 @@ from calstation.estimation.common import SampleBlock, SolveContext, StoredCrossC
 from calstation.estimation.pairs import PairCalibration, PairSchedule, PairWatch, call_now, pair_vector
 from calstation.estimation.pairs.calibration import compensate_secondary
 from calstation.estimation.pairs.schedule import Threshold
+from calstation.messages import sentence
 from calstation.physics import PAIR_PARAMETERS, TableGeometry, compensation, further_parameter, group_indices, pair_name
 from calstation.results import resolve
 from procedures import method
@@ -614,6 +615,19 @@ def test_unusable_recording_is_refused_with_its_fault(mems, change, code, words)
     with raises_code(InputError, f"recording.{code}") as caught:
         solved(altered(block, change), context_of(primary, [secondary]), primary_errors(primary))
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [("en", "gyro of imu2 has exactly the primary's values"), ("zh_CN", "imu2 的陀螺数值与主 IMU 完全相同")],
+)
+def test_columns_copied_from_the_primary_are_refused(mems, code, words):
+    primary, secondary, block = mems
+    copied = replace(block, others=block.counts[:, None].astype(block.others.dtype))
+    same = replace(secondary, imu=primary)
+    with raises_code(InputError, "recording.pair_identical") as caught:
+        solved(copied, context_of(primary, [same]), primary_errors(primary))
+    assert words in sentence(caught.value.as_text, code)
 
 
 def test_too_little_motion_is_refused(mems):

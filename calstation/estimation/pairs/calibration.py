@@ -266,6 +266,9 @@ def require_pairs(data: PairData, number: int, choice: PairChoice) -> None:
             seconds=(last - first) * data.dt,
             start=float(data.time[rows[first]]),
         )
+    for sensor in ("gyro", "accel"):
+        if np.array_equal(columns[sensor], columns[f"{sensor}{number}"]):
+            raise InputError("recording.pair_identical", number=number, sensor=sensor)
     if choice.gyro in ("scale", "full") or choice.offset:
         _require_spread(data.gyro[rows], MIN_RATE, choice.gyro == "full", tilting=False)
     if choice.accel in ("scale", "full"):
