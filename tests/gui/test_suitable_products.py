@@ -53,6 +53,8 @@ def test_pair_station_leads_to_its_live_monitoring(operator: Operator) -> None:
     app.set_station(library.find("stations", "virtual_pair"))
     assert "compares IMUs on one body" in operator.says()
     assert "No product can be calibrated here" in operator.says()
+    assert "Live monitoring only" in operator.says()
+    assert "cannot run" not in operator.says()
     assert operator.window.findChild(QPushButton, "product_choice_mems_hand") is None
     app.set_product(library.find("products", "mems_hand"))
     assert "compares IMUs on one body" in operator.says()
@@ -61,6 +63,8 @@ def test_pair_station_leads_to_its_live_monitoring(operator: Operator) -> None:
     app.set_language("zh_CN")
     assert "（本工位不作标定）" in entry(operator, "mems_hand")[0]
     assert "请点击下方的“实时监测”" in operator.says()
+    assert "仅用于实时监测" in operator.says()
+    assert "无法标定" not in operator.says()
     assert "本工位不能标定任何产品型号" in operator.says()
     assert operator.widget("show_watch_button", QPushButton).text() == "实时监测"
     for language, text in (

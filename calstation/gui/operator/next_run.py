@@ -37,7 +37,8 @@ def read_next_run(
         for name, path in compatible[:2]:  # the notice lists all of them
             words = Text.of("window.choose_product", name=display_names[path])
             choices.append(Choice(f"product_choice_{name}", words, partial(app.set_product, path)))
-        question = Text.of("question.wrong_table", why=Text(wrong_rig(error)), products=about)
+        code = "pair_station" if error.code == "product.pair_station" else "wrong_table"
+        question = Text.of(f"question.{code}", why=Text(wrong_rig(error)), products=about)
         return None, question, [*choices, open_station]
     except CalstationError as error:
         if stages := _wrong_schedules(request):
