@@ -44,11 +44,17 @@ REAL_TIME = (
 )
 
 
+#: Folders of tests of whole calibrations.
+REHEARSED = {"fleet", "outside", "verify"}
+
+
 @pytest.hookimpl(tryfirst=True)  # before tests are chosen by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Allow reruns of real-time tests, and leave a PostgreSQL server and the window in Chinese to `make rehearse`."""
+    """Allow reruns of real-time tests; PostgreSQL, the window in Chinese and whole calibrations are for rehearsals."""
     for item in items:
-        if "postgres" in getattr(item, "fixturenames", ()) or ("zh_CN" in item.name and "gui" in item.path.parts):
+        folders = item.path.parent.relative_to(Path(__file__).parent).parts
+        chinese = "zh_CN" in item.name and "gui" in folders
+        if chinese or "postgres" in getattr(item, "fixturenames", ()) or REHEARSED.intersection(folders):
             item.add_marker(pytest.mark.long)
         if item.path.as_posix().endswith(REAL_TIME):
             item.add_marker(pytest.mark.flaky(reruns=2))

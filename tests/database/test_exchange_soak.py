@@ -127,6 +127,7 @@ class FleetJob:
             self._process.wait()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.timeout(2 * SOAK_S + 1200)
 def test_two_stations_and_a_fleet_job_survive_random_outages(postgres, shared_database: str, tmp_path: Path) -> None:
     database = shared_database.rpartition("/")[2]

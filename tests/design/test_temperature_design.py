@@ -234,7 +234,7 @@ def test_range_beyond_the_devices_and_a_station_without_chamber_are_refused() ->
         design_temperature(lambda *_, **__: None, DesignRequest(product=PRODUCT))
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_limit_that_cannot_be_reached_is_refused(tmp_path: Path) -> None:
     path = product_with(tmp_path, ("sigma_below = 3.0e-05", "sigma_below = 3.0e-08"))
     with raises_code(ConfigurationError, "design.temperature_unreachable"):

@@ -9,6 +9,7 @@ import pytest
 
 FOLDER = Path(__file__).parents[2] / "docs" / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+SLOWEST = "design_and_simulate"
 
 
 def code_of(notebook: Path) -> list[str]:
@@ -35,7 +36,10 @@ def test_notebook_has_a_page_on_the_site(notebook: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "notebook",
+    [pytest.param(each, marks=[pytest.mark.exhaustive] * (each.stem == SLOWEST), id=each.stem) for each in NOTEBOOKS],
+)
 def test_notebook_runs(notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")

@@ -157,7 +157,7 @@ SIZES = {
 }
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("cause", SIZES)
 def test_every_significant_effect_is_listed_first(cause: str) -> None:
     size, component = SIZES[cause]

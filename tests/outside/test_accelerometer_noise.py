@@ -16,7 +16,7 @@ from tests.outside.sweep import Case, run
                 (1.0, "plain", pytest.mark.long),
                 (2.0, "bench", pytest.mark.long),
                 (2.0, "plain", pytest.mark.exhaustive),
-                (3.7, "plain", pytest.mark.long),
+                (3.7, "plain", pytest.mark.exhaustive),
             )
         ),
     ],

@@ -37,7 +37,7 @@ def test_cause_is_not_the_one_that_it_resembles(title: str, product: str, simula
     assert is_right(row, outcome), (outcome.failed, outcome.cause)
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "row", sampled(4, [row for row in rows() if "hysteresis" in row.title]), ids=lambda row: row.title
 )

@@ -5,7 +5,7 @@ import pytest
 from tests.outside.conformity import decisions, summary
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_observed_false_decisions_lie_within_predicted_intervals() -> None:
     """60 units with 30 parameters; docs/explanation/conformity.md has the figures of 1000."""
     rows = summary([*decisions(60, workers=1)])

@@ -21,7 +21,7 @@ def outcome(simulator: Simulator, setting: str, size: float, **imu_entries: Any)
     ("setting", "size", "cause", "entries"),
     [
         ("low_pass_ms", 5.0, "low_pass", {"bandwidth_hz": 31.8}),
-        pytest.param("coning_compensation", 1.0, "coning", {"coning_compensated": True}, marks=pytest.mark.long),
+        pytest.param("coning_compensation", 1.0, "coning", {"coning_compensated": True}, marks=pytest.mark.exhaustive),
     ],
 )
 def test_filter_is_named_unless_the_profile_states_it(
@@ -35,7 +35,7 @@ def test_filter_is_named_unless_the_profile_states_it(
 
 
 @SIMULATORS
-@pytest.mark.parametrize("bandwidth", [53.0, pytest.param(24.0, marks=pytest.mark.long)])
+@pytest.mark.parametrize("bandwidth", [53.0, pytest.param(24.0, marks=pytest.mark.exhaustive)])
 def test_low_pass_with_another_bandwidth_than_stated_is_estimated(simulator: Simulator, bandwidth: float) -> None:
     """What remains of the filter after the stated one is removed is 30 times its sigma."""
     found = outcome(simulator, "low_pass_ms", 5.0, bandwidth_hz=bandwidth)

@@ -118,7 +118,7 @@ def test_error_free_units_pass_with_both_simulators(simulator: Any) -> None:
     assert outcome.worst < 4.0
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_simulators_give_the_same_calibration_error_for_an_effect() -> None:
     case = Case("accel_delay_ms", 1.0, table="quiet", sample_rate_hz=100.0)
     bench, plain = (run(replace(case, simulator=simulator)) for simulator in ("bench", "plain"))

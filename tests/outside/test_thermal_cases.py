@@ -6,7 +6,7 @@ from helpers import sampled
 from tests.outside.thermal_cases import HYSTERESIS, ThermalRow, rows, run
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("row", sampled(2, rows()), ids=lambda row: row.title)
 def test_a_fault_over_temperature_is_named_first_or_leaves_small_errors(row: ThermalRow) -> None:
     outcome = run(row, 1)

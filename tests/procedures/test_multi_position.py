@@ -72,8 +72,8 @@ def test_errors_of_many_recordings_agree_with_their_sigmas(grade, seeds):
     assert low < np.sum(nees) < high
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("sigma", [pytest.param(1e6, marks=pytest.mark.exhaustive), 2.0**63])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("sigma", [1e6, 2.0**63])
 def test_an_absurd_sigma_of_the_prior_leaves_the_covariance_positive(mems, sigma):
     imu, block = mems
     prior = prior_of("mems")

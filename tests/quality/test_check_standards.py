@@ -138,7 +138,7 @@ def test_reference_uncertainty_includes_drift_and_excludes_the_mounting() -> Non
     assert "outer_lever_x" not in fresh.e_n
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_t_squared_of_simulated_runs_of_many_units_is_chi_squared(stable: ImuProfile) -> None:
     """Many units are needed, because the prior of the solver describes the grade and not a single unit."""
     found = []

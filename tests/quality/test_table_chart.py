@@ -156,7 +156,7 @@ def test_run_that_causes_a_chart_alarm_reports_it(site_folder: SiteFolder) -> No
     )
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_demonstration_detects_a_large_shift_without_false_alarms(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(golden, "BASELINE", 30)
     monkeypatch.setattr(golden, "WITHIN", 4)
