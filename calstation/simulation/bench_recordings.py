@@ -107,11 +107,11 @@ def _imu_section(imu: ImuTruth, serial: str) -> dict[str, Any]:
     return {"serial": serial, "output": imu.output, "sample_rate_hz": float(imu.sample_rate), **numbers}
 
 
-def _meta(imu: ImuTruth, grade: GradeName, **more: Any) -> LogMeta:
+def _meta(imu: ImuTruth, grade: GradeName, serial: str, **more: Any) -> LogMeta:
     sigma = {p.name: {"sigma": float(2.0 * GRADES[grade].sigma[p.group])} for p in PARAMETERS}
     site = {"latitude_deg": _LATITUDE_DEG, "longitude_deg": 108.9, "height_m": _HEIGHT}
     return LogMeta.model_validate(
-        {"site": site, "imu": _imu_section(imu, f"BENCH-{grade}"), "prior": sigma, "simulated": True, **more}
+        {"site": site, "imu": _imu_section(imu, serial), "prior": sigma, "simulated": True, **more}
     )
 
 
@@ -129,7 +129,7 @@ def _manual_rig(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict
     imu = _unit(grade, seed)
     samples, _ = record(imu, _RIG, around(), seed)
     block = SampleBlock.without_table("multi_position", np.arange(len(samples.time)), samples.time, samples.counts)
-    return _write(path, _meta(imu, grade), block), _truth(imu)
+    return _write(path, _meta(imu, grade, f"BENCH-{grade}-{seed}"), block), _truth(imu)
 
 
 def _pair(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str, Any]]:
@@ -143,7 +143,8 @@ def _pair(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str, 
     meta = _meta(
         primary,
         grade,
-        imu2=_imu_section(secondary.imu, "BENCH-2"),
+        f"BENCH-{grade}-{seed}A",
+        imu2=_imu_section(secondary.imu, f"BENCH-{grade}-{seed}B"),
         # the primary was calibrated before, so its own errors are known
         prior={name: {"value": value, "sigma": 1e-9} for name, value in _truth(primary).items()},
         schedule={"cross_calibration": _PAIR_SCHEDULE},
@@ -211,7 +212,11 @@ def _gimbal(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str
     imu, encoder_deg = _unit(grade, seed), 0.002
     schedule: Any = method("gimbal").schedule()
     meta = _meta(
-        imu, grade, table={"encoder_sigma_deg": encoder_deg}, schedule={"gimbal": schedule.model_dump(mode="json")}
+        imu,
+        grade,
+        f"BENCH-{grade}-{seed}",
+        table={"encoder_sigma_deg": encoder_deg},
+        schedule={"gimbal": schedule.model_dump(mode="json")},
     )
     bench = GimbalBench(
         imu,

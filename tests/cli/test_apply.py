@@ -174,7 +174,7 @@ def test_result_is_applied_to_the_connected_unit(
     assert calstation("record", "hand", "-o", log, "--grade", "tactical").code == 0
     assert calstation("resolve", log, "--stages", "multi_position", "--json", result).code == 0
     shown = calstation("apply", result, "--station", "virtual_bench", "-o", corrected, "--json", "-").json
-    assert (shown["serial"], shown["corrected"]) == ("BENCH-tactical", False)
+    assert (shown["serial"], shown["corrected"]) == ("BENCH-tactical-1", False)
     assert shown["rms"]["force_after"] < 0.1 * shown["rms"]["force_before"]
     assert abs(shown["rms"]["rate_after"]) < 0.1 * shown["rms"]["rate_before"]
     with corrected.open() as stream:

@@ -22,13 +22,13 @@ def test_pair_out_of_tolerance_is_calibrated_and_stored(calstation: Run, tmp_pat
     assert "Out of tolerance: imu2; waiting for motion" in first.out
     assert re.search(r"imu2 gyro: [\d.]+ °/[sh] at rest \(threshold [\d.]+ °/[sh]\)", first.out)
     assert re.search(r"imu2 accel: [\d.]+ (µg|m/s²) at rest", first.out)
-    kept = load_pair(pairs, "BENCH-mems", "BENCH-2")
+    kept = load_pair(pairs, "BENCH-mems-3A", "BENCH-mems-3B")
     assert len(kept.values) == 28
     again = calstation("watch", log, "--pairs", pairs)
     assert again.code == 0
     assert "calibrated" not in again.out
     assert again.out.count("within") == 2
-    assert load_pair(pairs, "BENCH-mems", "BENCH-2") == kept
+    assert load_pair(pairs, "BENCH-mems-3A", "BENCH-mems-3B") == kept
 
 
 def test_sensor_is_not_calibrated_against_an_out_of_tolerance_primary(calstation: Run, tmp_path: Path) -> None:
@@ -39,14 +39,14 @@ def test_sensor_is_not_calibrated_against_an_out_of_tolerance_primary(calstation
     text = meta.read_text()
     start = text.index("[schedule.cross_calibration.primary_gyro]")
     meta.write_text(text[:start] + text[start:].replace("fixed = 0.0002", "fixed = 1e-7", 1))
-    store_pair(pairs, "BENCH-mems", "BENCH-2", StoredCrossCalibration({}, 1e-4, 0.01))
+    store_pair(pairs, "BENCH-mems-3A", "BENCH-mems-3B", StoredCrossCalibration({}, 1e-4, 0.01))
     done = calstation("watch", tmp_path / "pair.csv", "--pairs", pairs)
     assert done.code == 1, done.out
     assert "imu2 calibrated (accel)." in done.out
     assert re.search(r"imu2 gyro: .* OFF", done.out)
     assert re.search(r"imu2 accel: .* calibrated", done.out)
     assert re.search(r"primary gyro: .* OFF", done.out)
-    kept = load_pair(pairs, "BENCH-mems", "BENCH-2")
+    kept = load_pair(pairs, "BENCH-mems-3A", "BENCH-mems-3B")
     assert kept.accel_static is not None
     assert kept.accel_static < 5e-3
     assert "secondary_gyro_bias_x" not in kept.values

@@ -29,7 +29,7 @@ def test_virtual_bench_simulates_the_recorded_unit(recording: Path) -> None:
     found = np.array([truth[name] for name in NAMES])
     now = apply_to_unit(ignore_progress, recording, None, None, ZERO, found, seconds=4.0)
     assert isinstance(now, Applied)
-    assert now.serial == "BENCH-tactical"
+    assert now.serial == "BENCH-tactical-3"
     assert now.named
     assert not now.corrected
     assert now.length_rms[1] < 1e-3
@@ -41,7 +41,7 @@ def test_invalid_product_of_the_site_is_skipped(recording: Path, tmp_path: Path)
     (tmp_path / "home" / "products" / "a_draft.toml").write_text('name = "a draft"', "utf-8")
     now = apply_to_unit(ignore_progress, recording, None, None, ZERO, ZERO, seconds=2.0)
     assert isinstance(now, Applied)
-    assert now.serial == "BENCH-tactical"
+    assert now.serial == "BENCH-tactical-3"
 
 
 def test_corrected_stream_is_not_corrected_again(recording: Path, tmp_path: Path) -> None:

@@ -147,13 +147,13 @@ def test_output_of_the_connected_unit_is_shown_before_and_after_correction(
     now = view.applied
     assert now is not None
     assert now.path is None
-    assert now.serial == "BENCH-mems"
+    assert now.serial == "BENCH-mems-4"
     assert now.time[-1] > 9.0
     assert now.length_rms[1] < 0.6 * now.length_rms[0]
     assert abs(now.rate_rms[1] - now.earth) < 0.2 * now.earth < now.rate_rms[0]
     before, after = re.findall(r"[\d.]+", view.force_figure.number.text())
     assert float(after) < 0.6 * float(before)
-    assert "BENCH-mems, 10 s" in view.name_label.text()
+    assert "BENCH-mems-4, 10 s" in view.name_label.text()
     assert said.text() == ""
     # data received for one solution are not shown with the next one
     qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
@@ -167,7 +167,7 @@ def test_output_of_the_connected_unit_is_shown_before_and_after_correction(
     assert "not applied a second time" in said.text()
     assert "→" not in view.force_figure.number.text()
     view.watch.done.emit(OtherUnit("SN-000007"))
-    assert "is SN-000007, but the result is for BENCH-mems" in said.text()
+    assert "is SN-000007, but the result is for BENCH-mems-4" in said.text()
     assert not view.force_figure.isVisible()
     link = panel.app.engine_link
     with monkeypatch.context() as going_on:
@@ -247,7 +247,7 @@ def test_out_of_tolerance_secondary_passes_the_check_after_calibration(
     assert view.timeline.progress is not None
     happened = [h.kind for h in view.timeline.progress.events]
     assert happened == ["triggered", "checked", "calibrating", "calibrated"]
-    assert len(load_pair(pair_folder(), "BENCH-mems", "BENCH-2").values) == 28
+    assert len(load_pair(pair_folder(), "BENCH-mems-4A", "BENCH-mems-4B").values) == 28
     assert "28 values" in panel.findChild(QLabel, "pair_stored_label").text()
     check()
     assert {bar.verdict for bar in view.bars.bars} == {"within"}

@@ -85,7 +85,7 @@ def test_calibration_is_replaced_without_a_gap(first_watch: tuple[Lines, Path], 
     lines, _ = first_watch
     assert (lines[0]["type"], lines[-1]["type"]) == ("start", "end")
     assert lines[0]["schema"] == "calstation.corrected/1"
-    assert lines[0]["imu2"] == {"serial": "BENCH-2"}
+    assert lines[0]["imu2"] == {"serial": "BENCH-mems-3B"}
     assert_continuous(lines, recording)
     calibrations = [(line["calibration"], bool(line["values"])) for line in events(lines, "calibration")]
     assert calibrations == [(0, False), (1, True)]
