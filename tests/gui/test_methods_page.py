@@ -251,6 +251,11 @@ def test_out_of_tolerance_secondary_passes_the_check_after_calibration(
     assert "28 values" in panel.findChild(QLabel, "pair_stored_label").text()
     check()
     assert {bar.verdict for bar in view.bars.bars} == {"within"}
+    # solved again, the recording is checked with the calibration that is stored now
+    first = panel.solution
+    qtbot.mouseClick(panel.solve_button, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: panel.solution is not first and not panel.busy, timeout=WAIT)
+    assert {bar.verdict for bar in view.bars.bars} == {"within"}
     view.show_progress(PairProgress(60.0, 30.0, "calibrating", 0.5, ()))
     panel.checker.failed.emit(InputError("cli.no_rest"))
     assert view.timeline.progress is None

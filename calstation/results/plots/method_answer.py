@@ -160,7 +160,7 @@ def _plot_data(
     stage_blocks = [block for block in blocks if block.stage == stage]
     data = stage_data(stage_blocks or blocks, context.imu)  # the samples that `resolve` uses
     if stage == "cross_calibration":
-        return pair_plot_data(data, context, prior, details)
+        return pair_plot_data(data, context, prior, details, schedule)
     after = prior.mean.copy()
     for name, row in result.parameters.items():
         if name in INDEX:

@@ -17,8 +17,11 @@ from calstation.estimation.pairs import (
     GYRO_MATRIX,
     LEVER,
     OFFSET,
+    PairCalibration,
     PairData,
+    PairSchedule,
     WatchEvent,
+    check_values,
     pair_data,
     pair_vector,
     signals,
@@ -61,7 +64,7 @@ class SecondaryPlotData:
     number: int
     serial: str
     residuals: Mapping[str, PairResiduals]
-    #: Result of `estimation.pairs.watch.check_values`; None if the body was never at rest.
+    #: Result of `estimation.pairs.watch.check_values` with the stored calibration; None if the body was never at rest.
     check: Mapping[str, Any] | None
     #: Residuals of gyro (rad/s) and accel (m/s²) at rest with the new values, None if unknown.
     static: Mapping[str, float | None]
@@ -79,17 +82,27 @@ class PairPlotData:
 
 
 def pair_plot_data(
-    data: StageData, context: SolveContext, prior: Posterior, details: Mapping[str, Any]
+    data: StageData, context: SolveContext, prior: Posterior, details: Mapping[str, Any], schedule: Mapping[str, Any]
 ) -> PairPlotData:
-    """Compute the plot data from the stage's samples and the details of its result."""
-    c = compensation(prior.mean)
+    """Compute the plot data from the stage's samples, the details of its result, and its schedule.
+
+    A pair that has a stored calibration is checked at the last rest with this instead of the one in the log.
+    """
+    c, folder = compensation(prior.mean), pair_folder()
+    calibration = PairCalibration(context, prior, PairSchedule.model_validate(schedule))
+    rest = calibration.last_rest(data)
     secondaries = []
     for i, (secondary, row) in enumerate(zip(context.secondaries, details["secondaries"], strict=True)):
         pair = pair_data(data, i, secondary.imu)
         fitted = StoredCrossCalibration(row["stored"]["values"])
         residuals = _residuals(pair, c, pair_vector(secondary.stored), pair_vector(fitted)) if "fit" in row else {}
         static = {sensor: row["stored"][f"{sensor}_static"] for sensor in ("gyro", "accel")}
-        secondaries.append(SecondaryPlotData(secondary.number, secondary.imu.serial, residuals, row["check"], static))
+        check = row["check"]
+        stored = load_pair(folder, context.imu.serial, secondary.imu.serial)
+        if rest is not None and stored.values:
+            with_stored = calibration.check(data, rest, i, secondary, stored)
+            check = check if with_stored is None else check_values(with_stored)
+        secondaries.append(SecondaryPlotData(secondary.number, secondary.imu.serial, residuals, check, static))
     begin = float(data.time[0])
     events = []
     for row in details["events"]:
@@ -98,7 +111,7 @@ def pair_plot_data(
     return PairPlotData(
         context.imu.serial,
         tuple(secondaries),
-        stored_pairs(context, pair_folder()),
+        stored_pairs(context, folder),
         tuple(events),
         float(data.time[-1]) - begin,
     )
