@@ -62,7 +62,7 @@ def test_pair_station_leads_to_its_live_monitoring(operator: Operator) -> None:
     assert "(no run at this station)" in entry(operator, "mems_hand")[0]
     app.set_language("zh_CN")
     assert "（本工位不作标定）" in entry(operator, "mems_hand")[0]
-    assert "请点击下方的“实时监测”" in operator.says()
+    assert "只作实时监测" in operator.says()
     assert "仅用于实时监测" in operator.says()
     assert "无法标定" not in operator.says()
     assert "本工位不能标定任何产品型号" in operator.says()
@@ -96,8 +96,10 @@ def test_monitoring_is_offered_for_every_product_and_its_state_is_shown(operator
     assert watch.focusPolicy() == Qt.FocusPolicy.NoFocus  # the keys of a scan must not press it
     app.run.set_monitoring(("caution", Text.of("logs.primary_out", sensors=["gyro"])))
     assert "The IMUs are watched live: primary out of tolerance: gyro" in operator.says()
+    assert "Press “Watch live”" not in operator.says()
     app.set_language("zh_CN")
     assert "正在实时监测各 IMU：主 IMU 超差：" in operator.says()
+    assert "请点击" not in operator.says()
     app.run.set_monitoring(None)
     assert "实时监测各 IMU" not in operator.says()
     app.set_station(library.find("stations", "virtual_bench"))
