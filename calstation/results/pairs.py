@@ -218,9 +218,8 @@ class _ProgressReport:
 
     def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
         if len(block):
-            end = float(block.time[-1])
-            self._start = end if self._start is None else self._start
-            self.time = end - self._start
+            self._start = float(block.time[0]) if self._start is None else self._start
+            self.time = float(block.time[-1]) - self._start
         begin = self._start or 0.0
         self.events += tuple(replace(event, time=event.time - begin) for event in events)
         state = PairProgress(self.time, self._duration, watch.state, watch.progress, self.events)

@@ -8,17 +8,25 @@ import pytest
 
 from calstation.estimation.common import StoredCrossCalibration
 from calstation.records import load_pair, store_pair
+from calstation.results import check_pair
 from tests.cli.conftest import Done, six_position_rows, write_log
 
 Run = Callable[..., Done]
 
 
-def test_pair_out_of_tolerance_is_calibrated_and_stored(calstation: Run, tmp_path: Path) -> None:
+def test_pair_out_of_tolerance_is_calibrated_and_stored(
+    calstation: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     log, pairs = tmp_path / "pair.h5", tmp_path / "pairs"
     assert calstation("record", "pair", "-o", log, "--seed", 3).code == 0
     first = calstation("watch", log, "--pairs", pairs)
     assert first.code == 0, first.out
     assert "imu2 calibrated (gyro, accel)." in first.out
+    window = tmp_path / "window"
+    monkeypatch.setenv("CALSTATION_HOME", str(window))
+    events = check_pair(lambda *_, **__: None, log).progress.events
+    times = re.findall(r"^ *([\d.]+) s  ", first.out, re.MULTILINE)
+    assert times == [f"{event.time:.1f}" for event in events]
     assert "Out of tolerance: imu2; waiting for motion" in first.out
     assert re.search(r"imu2 gyro: [\d.]+ °/[sh] at rest \(threshold [\d.]+ °/[sh]\)", first.out)
     assert re.search(r"imu2 accel: [\d.]+ (µg|m/s²) at rest", first.out)

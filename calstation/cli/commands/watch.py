@@ -185,19 +185,26 @@ def _deliver(
 
 
 class _EventPrinter:
-    """Prints the events of a session and, while a live session is `waiting` for motion, its state."""
+    """Prints the events of a session and, while a live session is `waiting` for motion, its state.
+
+    The times are those since the first sample, as in the window.
+    """
 
     def __init__(self, out: Console, *, waiting: bool = False) -> None:
         self._out, self._waiting = out, waiting
         self._last_state = ("", 0.0)
+        self._start: float | None = None
 
     def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
+        if len(block) and self._start is None:
+            self._start = float(block.time[0])
+        begin = self._start or 0.0
         for event in events:
             values = {name: _imu_names(value) for name, value in event.values.items()}
             text = say(f"cli.watch_{event.kind}", **{"number": event.number, **values})
-            show_line(self._out, f"{event.time:9.1f} s  {text}")
+            show_line(self._out, f"{event.time - begin:9.1f} s  {text}")
         if self._waiting and len(block):
-            self._show_state(float(block.time[-1]), watch)
+            self._show_state(float(block.time[-1]) - begin, watch)
 
     def _show_state(self, now: float, watch: PairWatch) -> None:
         state, at = self._last_state
