@@ -5,6 +5,7 @@ import socket
 import sys
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from calstation.gui.operator.loading import Loading
 from calstation.gui.operator.production import shift_counter
 from calstation.gui.state.engine_link import EngineLink
 from calstation.jobs import JobQueue
+from calstation.results import ShiftCount
 from calstation.sequencer import StateChanged
 from tests.gui.conftest import RESULT, SERIAL, Operator
 from tests.gui.test_operator_events import end_run, simulated_run
@@ -361,6 +363,17 @@ def test_shift_counter_is_updated_while_idle_and_after_a_verdict(operator: Opera
     assert label.isVisible()
     operator.widget("language_combo").setCurrentIndex(1)
     assert "完成 3" in label.text()
+
+
+@pytest.mark.parametrize(("code", "text"), [("en", "10:00 on the rig per unit"), ("zh_CN", "平均每台在手动台上 10:00")])
+def test_shift_counter_of_a_manual_rig_names_the_time_on_the_rig(operator: Operator, code: str, text: str) -> None:
+    shift = operator.window.operator_page._shift
+    operator.until(lambda: shift.text() == "Since 00:00  ·  0 done")
+    operator.window.app.set_language(code)
+    assert shift._summary is not None
+    shift._summary = replace(shift._summary, by_hand=True)
+    shift._counted(ShiftCount(passed=1, mean_duration=600.0))
+    assert shift.text().endswith(text)
 
 
 def test_shift_counter_names_partial_runs_that_failed(operator: Operator) -> None:

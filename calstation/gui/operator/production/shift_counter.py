@@ -66,11 +66,13 @@ class ShiftCounter(PlainLabel):
         if count is not None:
             parts.append(say("operator.done", count=count.done))
         if count is not None and count.mean_duration is not None and count.passed_share is not None:
+            rig = self._summary is not None and self._summary.by_hand
+            per_unit = "operator.per_unit_rig" if rig else "operator.per_unit"
             parts += [
                 say("operator.passed", count=count.passed),
                 say("operator.failed", count=count.failed),
                 say("operator.yield", percent=100 * count.passed_share),
-                say("operator.per_unit", time=duration_text(count.mean_duration)),
+                say(per_unit, time=duration_text(count.mean_duration)),
             ]
         if count is not None and count.partial_failed:
             parts.append(say("operator.partial_failed", count=count.partial_failed))
