@@ -720,7 +720,9 @@ def test_ready_is_not_shown_while_station_and_product_are_incompatible(operator:
 
 
 @pytest.mark.parametrize(
-    ("commanded", "by_hand"), [(False, False), (True, False), (True, True)], ids=["connecting", "table", "manual"]
+    ("commanded", "by_hand"),
+    [(False, False), (True, False), (False, True), (True, True)],
+    ids=["connecting", "table", "connecting-manual", "manual"],
 )
 def test_stop_message_states_only_what_was_done(simulated_run: Operator, *, commanded: bool, by_hand: bool) -> None:
     run = simulated_run.run
@@ -730,10 +732,10 @@ def test_stop_message_states_only_what_was_done(simulated_run: Operator, *, comm
         simulated_run.window.app.engine_link.event.emit(StateChanged("preparing", "idle"))
     simulated_run.press("stop_button")
     assert ("axes" in simulated_run.message) == (commanded and not by_hand)
-    assert ("has not been commanded" in simulated_run.message) != commanded
+    assert ("has not been commanded" in simulated_run.message) == (not commanded and not by_hand)
     end_run(simulated_run, "stopped")
     assert ("axes are off" in simulated_run.says()) == (commanded and not by_hand)
-    assert ("was not commanded" in simulated_run.says()) != commanded
+    assert ("was not commanded" in simulated_run.says()) == (not commanded and not by_hand)
 
 
 def scan_after_click(operator: Operator, name: str, text: str, *, extend: bool = False) -> QLineEdit:

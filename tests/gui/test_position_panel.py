@@ -226,12 +226,23 @@ def test_operator_page_shows_the_guide_on_a_manual_rig(
     assert sent == [Command.END_STAGE]
 
 
-@pytest.mark.parametrize(("code", "badge", "task"), [("en", "PAUSED", "Paused."), ("zh_CN", "已暂停", "已暂停。")])
-def test_paused_run_commands_no_rotation(panel: PositionPanel, code: str, badge: str, task: str) -> None:
+@pytest.mark.parametrize(
+    ("code", "state", "badge", "task"),
+    [
+        ("en", "paused", "PAUSED", "Paused."),
+        ("zh_CN", "paused", "已暂停", "已暂停。"),
+        ("en", "stopping", "STOPPING", "Stopping."),
+        ("en", "stopped", "STOPPING", "Stopping."),  # until the result is stored
+        ("zh_CN", "stopped", "正在停止", "正在停止。"),
+    ],
+)
+def test_paused_or_stopped_run_commands_no_rotation(
+    panel: PositionPanel, code: str, state: str, badge: str, task: str
+) -> None:
     language.use(code)
     panel.show_position(guided("moving"))
     moving = panel.task_label.text()
-    panel.show_state("paused")
+    panel.show_state(state)
     panel.show_position(guided("moving"))
     assert panel.badge.text() == badge
     assert panel.task_label.text().startswith(task)

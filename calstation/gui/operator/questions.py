@@ -92,7 +92,7 @@ def closing_notice(run: RunStatus) -> Text:
 
 def progress_message(run: RunStatus) -> str:
     """Return what a run that has not ended does."""
-    if run.state == "stopping" and not run.commanded:
+    if run.state == "stopping" and not (run.commanded or run.by_hand):
         return say("operator.message_stopping_connecting")
     if run.state == "stopping" and run.table_stopped:
         return say("operator.message_table_stopped")

@@ -326,9 +326,9 @@ class VerdictPanel(QFrame):
 
     def _stopped_code(self) -> str:
         """Return the term of the family ``advice`` for the state of the table after a stopped run."""
-        if not self._run.commanded:
-            return "stopped_connecting"
-        return "stopped_manual" if self._run.by_hand else "stopped"
+        if self._run.by_hand:
+            return "stopped_manual"
+        return "stopped" if self._run.commanded else "stopped_connecting"
 
     def _fact_texts(self) -> list[str]:
         result = self._run.unit.result

@@ -29,7 +29,7 @@ class PositionPanel(QFrame):
         self.setProperty("kind", "panel")
         self._guided: PositionGuided | None = None
         self._finishing = self._finished = False
-        self._halted = ""  #: State of a run that is paused or stopping, in which the operator turns nothing.
+        self._halted = ""  #: ``paused`` or ``stopping`` if the operator turns nothing.
         self.picture = PositionPicture()
         self.badge = StateBadge(_STATE_SIZE)
         self.task_label, self.count_label = label(wrap=True), label()
@@ -64,8 +64,8 @@ class PositionPanel(QFrame):
         self._refresh()
 
     def show_state(self, state: str) -> None:
-        """Show the state of the run instead of instructions if it is paused or stopping."""
-        halted = state if state in ("paused", "stopping") else ""
+        """Show the state of the run instead of instructions if it is paused or stopping, also until it is stored."""
+        halted = {"paused": "paused", "stopping": "stopping", "stopped": "stopping"}.get(state, "")
         if halted != self._halted:
             self._halted = halted
             self._refresh()
