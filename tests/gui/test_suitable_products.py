@@ -9,6 +9,7 @@ from PySide6.QtWidgets import QComboBox, QLineEdit, QPushButton
 
 from calstation.config import RunRequest, library
 from calstation.gui.logs.methods import pair_live
+from calstation.gui.text import say
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
 from tests.gui.conftest import SERIAL, Operator
@@ -138,6 +139,24 @@ def test_stop_and_esc_end_the_live_monitoring(operator: Operator, monkeypatch: p
     operator.press("stop_button")
     assert "Nothing is running" not in operator.message
     operator.until(lambda: operator.run.monitoring is None)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("code", "text"), [("en", "stopping"), ("zh_CN", "正在停止")])
+def test_live_monitoring_says_at_once_that_it_stops(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch, code: str, text: str
+) -> None:
+    monkeypatch.setattr(pair_live, "PairProcess", Watching)
+    monkeypatch.setattr(Watching, "send", lambda *_: None)  # it has not closed its ports yet
+    operator.window.app.set_language(code)
+    operator.window.app.set_station(library.find("stations", "virtual_pair"))
+    operator.press("show_watch_button")
+    operator.press("watch_button")
+    assert operator.run.monitoring is not None
+    assert say(operator.run.monitoring[1]) != text
+    operator.press("stop_button")
+    assert say(operator.run.monitoring[1]) == text
+    assert text in operator.says()
 
 
 def refuse_start(engineer: Engineer) -> NoticeBar:

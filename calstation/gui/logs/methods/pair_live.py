@@ -27,6 +27,7 @@ class PairLiveView(QWidget):
         super().__init__()
         self._app = app
         self._watch: PairProcess | None = None
+        self._stopping = False
         self._station: tuple[Path | None, str] = (None, "")  #: File and name of the station of the last watch.
         self.status: PairStatus | None = None
         self._error: CalstationError | None = None
@@ -82,7 +83,7 @@ class PairLiveView(QWidget):
         if self.watching:
             self._stop()
             return
-        self._error, self.status = None, None
+        self._error, self.status, self._stopping = None, None, False
         path = self._app.station_path
         self._station = path, load_station(path)[1].name
         self._watch = PairProcess(RunRequest("", path, self._app.product_path))
@@ -92,6 +93,8 @@ class PairLiveView(QWidget):
     def _stop(self) -> None:
         if self._watch is not None:
             self._watch.send("stop")
+            self._stopping = True
+            self._refresh()
 
     def _check(self) -> None:
         if self._watch is not None:
@@ -179,6 +182,8 @@ class PairLiveView(QWidget):
         if not self.watching:
             return "none", Text("logs.not_watching" if self.status is None else "logs.watch_ended")
         status = self.status
+        if self._stopping:
+            return "stopped", Text("logs.watch_stopping")
         if status is None:
             return "waiting", Text("logs.opening_ports")
         if 0 in status.silent:
