@@ -315,7 +315,8 @@ class _Formatter(string.Formatter):
         if value is None:
             return "–"
         if format_spec.startswith("# "):
-            return f"{value} {format_spec[2:] if str(value) == '1' else _plural(format_spec[2:])}"
+            count = plain_number(value, ".12g") if isinstance(value, float) else str(value)
+            return f"{count} {format_spec[2:] if count == '1' else _plural(format_spec[2:])}"
         if format_spec == "percent":
             return self._percent(value)
         number = isinstance(value, float) and format_spec.endswith("g")

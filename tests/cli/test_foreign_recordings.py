@@ -34,7 +34,7 @@ def test_capture_is_imported_as_a_log(calstation: Run, tmp_path: Path) -> None:
     raw, log = capture(tmp_path / "x.raw"), tmp_path / "x.h5"
     done = calstation("import", raw, "--imu", "novatel_rawimu", "-o", log)
     assert done.code == 0, done.err
-    assert "478 samples, 1 gap, 0 packets failed their check" in done.err
+    assert "478 samples, 1 gap, 0 packets with a wrong check" in done.err
     found = calstation("check", log, "--json", "-").json
     assert (found["serial"], found["sample_rate_hz"], found["missing"]) == ("x", 100.0, 20)
     (tmp_path / "x.toml").write_text(f'{META.split("[imu]")[0]}[imu]\nserial = "SPAN-7"\n')
@@ -56,7 +56,7 @@ def test_real_captures_are_imported_without_loss(
 ) -> None:
     done = calstation("import", CAPTURES / file, "--imu", name, "-o", tmp_path / "x.h5")
     assert done.code == 0, done.err
-    counted = f"{samples} {'sample' if samples == 1 else 'samples'}, 0 gaps, 0 packets failed their check"
+    counted = f"{samples} {'sample' if samples == 1 else 'samples'}, 0 gaps, 0 packets with a wrong check"
     assert f"{counted}, 0 bytes skipped" in done.err
 
 
@@ -158,11 +158,11 @@ def test_look_shows_what_was_understood_and_writes_nothing(calstation: Run, tmp_
     done = calstation("import", tmp_path / "rec.csv", "--look")
     assert "gyro_x from 'gyro_x [deg/s]', deg/s" in done.out
     assert "1 repeated row left out" in done.out
-    assert "1 damaged rows" in done.out
+    assert "1 damaged row" in done.out
     assert "g instead of m/s" in done.out.replace("\n", " ")
     assert not list(tmp_path.glob("*.h5"))
     done = calstation("import", tmp_path / "rec.csv")
     assert (done.code, "-o LOG" in done.err) == (2, True)
     done = calstation("import", tmp_path / "rec.csv", "-o", tmp_path / "rec.h5")
     assert done.code == 0
-    assert "1 damaged rows lost (samples 199…199), 1 repeated row left out" in done.err.replace("\n", " ")
+    assert "1 damaged row lost (samples 199…199), 1 repeated row left out" in done.err.replace("\n", " ")

@@ -151,7 +151,7 @@ def test_gauge_study_is_planned_and_evaluated_from_stored_runs(calstation: Run, 
     incomplete = calstation("quality", "gauge", plan, "--out", folder)
     assert incomplete.code == 2
     first = f"next: {order[0]['unit']}, {order[0]['operator']}"
-    assert f"8 of the 8 runs of the study are missing; {first}" in incomplete.err
+    assert f"8 of the 8 runs of the study missing; {first}" in incomplete.err
 
     copied = tmp_path / "simulated"
     shutil.copytree(folder, copied, ignore=shutil.ignore_patterns("*.sqlite*"))

@@ -630,5 +630,5 @@ def test_damaged_rows_are_reported_before_and_after_solving(
     said = {label.text() for label in page.findChildren(QLabel) if label.isVisible()}
     assert {"gaps: 1", "damaged rows: 10"} <= said
     solve(page, qtbot)
-    words = f"10 damaged rows are treated as gaps (samples {rows['seq'][0]}…"
+    words = f"10 damaged rows treated as a gap (samples {rows['seq'][0]}…"
     assert words in page.comparison.note_label.text()

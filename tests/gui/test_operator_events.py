@@ -283,9 +283,7 @@ def test_failures_in_closing_earlier_runs_are_reported(operator: Operator) -> No
     assert "The run cannot be resumed" in operator.says()
     reason = Text.of("handover.no_answer", seconds=5.0)
     interrupted._recovery.done.emit(StartupRecovery((), Delivery(Path("share"), 0, 2, reason)))
-    assert (
-        "Hand-over: 2 results are waiting, because share cannot be reached (no response within 5 s)." in operator.says()
-    )
+    assert "Hand-over: 2 results waiting, because share cannot be reached (no response within 5 s)." in operator.says()
 
 
 @pytest.mark.usefixtures("engineer_page")

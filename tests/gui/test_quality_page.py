@@ -766,13 +766,13 @@ def test_control_limits_of_the_table_start_after_its_baseline(
     page._show_station(StationQuality((), (), (), {"orthogonality": chart}))
     assert "EWMA after 100 runs" in operator.says()
     assert ("Changed: angle between the axes. Check the axes" in operator.says()) == (later > 0)
-    missing = "Nothing is tested yet: 100 of 100 runs of the baseline are missing."  # of the two other quantities
+    missing = "Nothing is tested yet: 100 of 100 runs of the baseline missing."  # of the two other quantities
     assert missing in operator.says()
     page._show_station(StationQuality((), (), (), dict.fromkeys(TABLE_QUANTITIES, chart)))
     assert "Nothing is tested yet" not in operator.says()
     short = replace(chart, names=names[:40], started=chart.started[:40], values=values[:40], baseline=40, alarms=())
     page._show_station(StationQuality((), (), (), dict.fromkeys(TABLE_QUANTITIES, short)))
-    assert "60 of 100 runs of the baseline are missing" in operator.says()
+    assert "60 of 100 runs of the baseline missing" in operator.says()
     page._show_station(StationQuality((), (), (), {"orthogonality": chart}))
     low, high, average = page.standards.table.plots[0].listDataItems()[1:4]
     for item in (low, high, average):
@@ -803,7 +803,7 @@ def test_gauge_study_is_planned_run_and_judged(
     until_read(operator, page)
     plan = again
     first = plan.order[0]
-    assert f"12 of 12 runs are missing. Next: {first.operator} calibrates unit {first.unit}." in operator.says()
+    assert f"12 of 12 runs missing. Next: {first.operator} calibrates unit {first.unit}." in operator.says()
     assert [row[-1] for row in cells(operator, "study_order_table")] == ["next", *["waiting"] * 11]
     made = next((operator.site_folder.runs / "studies").glob("*.json"))
     monkeypatch.setattr(study_view, "ask_open", lambda parent, title, folder, kinds, then: then(made))

@@ -129,7 +129,7 @@ def test_virtual_bench_suggests_serial_numbers_for_all_slots(operator: Operator,
     use_slots(operator, 6)
     expected = tuple(f"SN-00000{number}" for number in range(1, 7))
     assert serials(operator) == expected
-    assert operator.widget("slots_count_label", QLabel).text() == "6 of 6 slots have a unit"
+    assert operator.widget("slots_count_label", QLabel).text() == "6 of 6 slots with a unit"
     assert operator.widget("serial_edit", QLineEdit).text() == ""
     operator.press("start_button")
     (request,) = started

@@ -178,6 +178,22 @@ def test_nouns_after_numbers_are_in_the_singular_after_one(count: int, text: str
     assert sentence(Text.of("history.run_count", count=count), "zh_CN") == f"共 {count} 次"
 
 
+@pytest.mark.parametrize(("stop_bits", "text"), [(1.0, "1 stop bit"), (1.5, "1.5 stop bits"), (2.0, "2 stop bits")])
+def test_nouns_after_decimal_numbers_are_in_the_singular_after_one(stop_bits: float, text: str) -> None:
+    values = {"port": "COM3", "baud": 9600, "parity": "N", "stop_bits": stop_bits, "words": ""}
+    assert f", {text}." in sentence(Text.of("finding.bad_settings", **values))
+
+
+def test_counts_that_may_be_one_have_a_noun_that_agrees() -> None:
+    never_one = {"chart.gravity_changed", "recording.contradictory"}
+    nouns = "bytes|cells|cycles|elements|frames|lines|motions|packets|parameters|pauses|results|rows|samples|units"
+    always_plural = re.compile(rf"\{{(?!limit|least|sensor)\w+(?::\.0f)?\}} (?:(?:flash|damaged|whole) )?(?:{nouns})\b")
+    for name in catalogue.families():
+        for entry in catalogue.family(name).values():
+            for text in (entry.text, entry.remedy, entry.window, *entry.operator[:1]):
+                assert entry.code in never_one or not always_plural.search(text), entry.code  # {count:# noun} agrees
+
+
 def test_nouns_that_end_with_s_or_y_have_their_own_plural() -> None:
     assert sentence(Text.of("logs.passed_near", count=1)) == "Passed, 1 near-miss"
     assert sentence(Text.of("logs.passed_near", count=2)) == "Passed, 2 near-misses"

@@ -204,7 +204,7 @@ def test_whole_turns_stay_within_the_travel_or_are_refused(travel, turns):
     if room < 2.0 * np.pi * turns:
         with raises_code(ConfigurationError, "plan.turns_exceed_travel") as caught:
             steps_of("rate", table, turns=turns)
-        assert f"{turns} whole turns need {360 * turns}° of travel" in str(caught.value)
+        assert f"{turns} whole turn{'s' * (turns > 1)} needs {360 * turns}° of travel" in str(caught.value)
     else:
         assert_within(travel, steps_of("rate", table, turns=turns))
 

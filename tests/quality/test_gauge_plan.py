@@ -138,9 +138,7 @@ def test_incomplete_study_states_the_next_measurement() -> None:
     with pytest.raises(InputError) as caught:
         plan().values(stored(order[:88]))
     assert caught.value.code == "quality.study_incomplete"
-    assert f"2 of the 90 runs of the study are missing; next: {order[88].unit}, {order[88].appraiser}" in str(
-        caught.value
-    )
+    assert f"2 of the 90 runs of the study missing; next: {order[88].unit}, {order[88].appraiser}" in str(caught.value)
 
 
 def test_study_requires_two_of_each_factor() -> None:

@@ -112,7 +112,7 @@ def test_command_line_reports_missing_samples(log: Damaged, capsys: pytest.Captu
     assert run_app(["resolve", str(log.path), "--json", "-"]) == 0
     out, err = capsys.readouterr()
     assert json.loads(out)["log"]["damaged"][0]["rows"] == HURT
-    assert f"hurt.h5: {HURT} damaged rows are treated as gaps (samples " in " ".join(err.split())
+    assert f"hurt.h5: {HURT} damaged rows treated as a gap (samples " in " ".join(err.split())
     target = log.path.with_suffix(".csv")
     assert run_app(["export", str(log.path), "-o", str(target)]) == 0
     assert f"{len(log.seq) - HURT} samples, {HURT} damaged rows left out" in " ".join(capsys.readouterr().err.split())
