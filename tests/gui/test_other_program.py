@@ -5,15 +5,19 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 import tomli_w
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLabel, QPushButton
 
+from calstation.config import RunRequest
 from calstation.connection import port_lock
 from calstation.gui.state import RunStrip
+from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.widgets import ElidedLabel, theme
+from calstation.sequencer import Command, StateChanged
 from tests.gui.conftest import SERIAL, Operator
 from tests.site_folder import STATION
 
@@ -143,3 +147,69 @@ def test_run_in_another_window_is_not_called_that_of_another_program(hardware: O
 
 def visible_text(strip: RunStrip) -> str:
     return "\n".join(label.text() for label in strip.findChildren(QLabel))
+
+
+def start_engine(operator: Operator) -> Mock:
+    """Let the engine of this window begin to open its ports."""
+    app = operator.window.app
+    link, engine = app.engine_link, Mock()
+    link.request = RunRequest(SERIAL, app.station_path, app.product_path, out=app.runs_folder)
+    link._engine = engine
+    link.running_changed.emit(True)
+    assert operator.run.state == "starting"
+    return engine
+
+
+@pytest.mark.parametrize("page", ["operator_page", "engineer_page"])
+def test_question_before_a_start_is_dropped_when_another_program_uses_the_station(
+    hardware: Operator, page: str
+) -> None:
+    prefix = "engineer_" if page == "engineer_page" else ""
+    hardware.window.app.role.set_first_pin("246813")
+    hardware.window.show_page(page)
+    if prefix:
+        hardware.qtbot.keyClicks(hardware.widget("engineer_serial_edit"), SERIAL)
+    hardware.press(f"{prefix}start_button")
+    assert "will move" in hardware.says()
+    with owner(port_lock.ENGINE):
+        hardware.until(lambda: hardware.run.display_state == "in_use")
+        hardware.until(lambda: "will move" not in hardware.says())
+        assert hardware.run.state == "idle"
+
+
+def test_answer_starts_no_run_after_another_window_has_started_one(
+    hardware: Operator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[object] = []
+    monkeypatch.setattr(EngineLink, "start", lambda _, order: started.append(order))
+    hardware.press("start_button")
+    answer = hardware.widget("clear_choice", QPushButton)
+    hardware.run.elsewhere = ((SERIAL,), "running")  # before the window shows it
+    hardware.qtbot.mouseClick(answer, Qt.MouseButton.LeftButton)
+    assert started == []
+    assert "another window" in hardware.says()
+
+
+@pytest.mark.parametrize(
+    ("code", "told", "wrong"), [("en", "told to stop its run", "commanded"), ("zh_CN", "安全停止标定", "没有收到")]
+)
+def test_stop_before_the_ports_are_opened_stops_the_program_that_uses_them(
+    hardware: Operator, code: str, told: str, wrong: str
+) -> None:
+    hardware.window.app.set_language(code)
+    with owner(port_lock.ENGINE) as process:
+        engine = start_engine(hardware)
+        press_stop(hardware)
+        hardware.until(lambda: told in hardware.message, 5.0)
+        assert wrong not in hardware.message
+        hardware.until(lambda: process.poll() == 0, 10.0)
+        engine.send.assert_called_once_with(Command.STOP)
+
+
+def test_stop_of_a_run_that_has_opened_its_ports_stops_nothing_else(hardware: Operator) -> None:
+    start_engine(hardware)
+    hardware.window.app.engine_link.event.emit(StateChanged("preparing", "idle"))
+    with owner(port_lock.ENGINE) as process:
+        press_stop(hardware)
+        hardware.qtbot.wait(1500)
+        assert process.poll() is None

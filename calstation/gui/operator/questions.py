@@ -122,7 +122,7 @@ def urgent_message(run: RunStatus, *, engineer: bool) -> str:
     if run.chamber.must_stay_closed:
         closed = say("operator.chamber_message", reason=chamber_reason(run))
         return joined(table, closed, language.current()) if table and run.state == "stopping" else closed
-    if run.occupied is None or run.in_progress:
+    if run.occupied is None or (run.in_progress and run.commanded):
         return ""
     other = rendered(run.occupied).text
     stopping = run.elsewhere is not None and run.elsewhere[1] == "stopping"
@@ -195,12 +195,10 @@ class StartDialog:
         self._app, self._notice, self._cancelled = app, notice, cancelled
         self.people = PeoplePanel(panel)
         self.people.cancelled.connect(notice.dismiss)
+        app.run.changed.connect(self._run_changed)
 
     def begin(self, request: RunRequest) -> None:
         """Ask the questions about a requested run, then start it or show why it cannot start."""
-        if why_not := self._app.run.why_not_start:
-            ask(self._notice, "caution", why_not if isinstance(why_not, Text) else Text(why_not), {})
-            return
         role: Role = "engineer" if self._app.role.engineer else "operator"
         by = self._app.author if role == "engineer" else None
         request = replace(request, operator=self._app.badge or self._app.person, allowed_by=by)
@@ -211,7 +209,21 @@ class StartDialog:
         self.people.hide()
         self._notice.dismiss()
 
+    @property
+    def asking(self) -> bool:
+        """Whether a question before a start is open, which can always be cancelled."""
+        return self._notice.offers("cancel_choice") and not self._notice.offers("same_units_choice")
+
+    def _run_changed(self) -> None:
+        """Remove an open question when another window or program begins to use the station."""
+        if self._app.run.occupied is not None and (self.asking or not self.people.isHidden()):
+            self.drop()
+
     def _attempt(self, action: Callable[[], None], *, resume: bool = False) -> None:
+        """Take a step to the start unless no run can start now, or show why it failed."""
+        if why_not := self._app.run.why_not_start:
+            ask(self._notice, "caution", why_not if isinstance(why_not, Text) else Text(why_not), {})
+            return
         try:
             action()
         except CalstationError as error:
@@ -263,7 +275,7 @@ class StartDialog:
             ask(self._notice, "caution", Text("station.badge_missing"), {})
             self._cancelled()
         elif app.job_queue.uses_device:
-            self._ask(Text.of("question.device_busy"), {"clear": lambda: self._launch(request)})
+            self._ask(Text.of("question.device_busy"), {"clear": lambda: self._attempt(lambda: self._launch(request))})
         elif not app.engine_link.running:
             if request.product is not None:
                 app.set_product(request.product)  # which the header names; a resumed run may have another one

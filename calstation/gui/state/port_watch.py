@@ -27,6 +27,7 @@ class PortWatch(QObject):
         self._owner: PortOwner | None = None
         self._effect = ""  #: Effect of STOP on the owner, ``stopping`` or ``not_stopped``; "" before STOP.
         self._reading = False
+        self._stop_reads = 0  #: Number of reads whose owner is stopped, because STOP was pressed before they ended.
         self._timer = QTimer(self, interval=_INTERVAL_MS)
         self._timer.timeout.connect(self._look)
         self._read.connect(self._show)
@@ -45,7 +46,9 @@ class PortWatch(QObject):
         self._timer.stop()
 
     def _look(self) -> None:
-        if not (self._reading or self._run.in_progress):
+        if self._run.in_progress and self._run.commanded:  # it has locked the ports
+            self._set_owner(None)
+        elif not self._reading:
             self._reading = True
             find_station_owner(self._station, self._pass_on)
 
@@ -55,10 +58,15 @@ class PortWatch(QObject):
 
     def _show(self, station: Path | None, owner: PortOwner | None) -> None:
         self._reading = False
+        stop_reads, self._stop_reads = self._stop_reads, max(self._stop_reads - 1, 0)
         if station == self._station:
             own = owner is not None and os.getpid() in (owner.pid, owner.parent)
             previous, stopping = self._owner, self._effect == "stopping"
             self._set_owner(None if own else owner)
+            if stop_reads and self._owner is not None:
+                self._stop_owner(self._owner)
+            elif stop_reads > 1:
+                self._look()
             if previous is not None and stopping and self._owner != previous:
                 self.stopped.emit(Text.of("question.program_stopped", pid=previous.pid, user=previous.user))
 
@@ -68,9 +76,17 @@ class PortWatch(QObject):
             self._show_owner()
 
     def _stop(self) -> None:
-        if self._owner is not None and self._run.elsewhere is None and not self._run.in_progress:
-            self._effect = "stopping" if self._owner.stop() else "not_stopped"
-            self._show_owner()
+        """Stop the run of the owner, also of one that took the ports before a run that is being started here."""
+        if self._run.elsewhere is None and not (self._run.in_progress and self._run.commanded):
+            if self._owner is not None:
+                self._stop_owner(self._owner)
+                return
+            self._stop_reads = 1 + self._reading  # the present read may have begun before that program
+            self._look()
+
+    def _stop_owner(self, owner: PortOwner) -> None:
+        self._stop_reads, self._effect = 0, "stopping" if owner.stop() else "not_stopped"
+        self._show_owner()
 
     def _show_owner(self) -> None:
         owner, program = self._owner, None
