@@ -74,19 +74,20 @@ def test_scan_of_a_unit_that_has_passed_says_so(operator: Operator) -> None:
     assert "序列号：第 2 次，以前已合格" in operator.says()
 
 
-def test_scan_of_a_unit_that_failed_last_time_says_so(operator: Operator) -> None:
+def test_scan_of_a_unit_whose_latest_verdict_is_failed_says_so(operator: Operator) -> None:
     runs = operator.site_folder.runs
     runs.mkdir()
     write_result(runs, f"{SCANNED}_20261101T000000", 1, serial=SCANNED, outcome="failed")
+    write_result(runs, f"{SCANNED}_20261102T000000", 2, serial=SCANNED, attempt=2, outcome="stopped")
     History(runs).refresh()
-    for language, note in (("en", "attempt 2, failed last time"), ("zh_CN", "第 2 次，上次不合格")):
+    for language, note in (("en", "attempt 3, latest verdict: failed"), ("zh_CN", "第 3 次，最近一次判定：不合格")):
         operator.window.app.set_language(language)
         operator.scan(SCANNED)
         assert note in operator.says()
     operator.site_folder.write(units=2)
     operator.window.app.set_station(operator.site_folder.station)
     operator.scan(SCANNED)
-    assert "第 2 次，上次不合格" in operator.widget("slot_1_tile").accessibleName()
+    assert "第 3 次，最近一次判定：不合格" in operator.widget("slot_1_tile").accessibleName()
 
 
 @pytest.mark.long
