@@ -4,6 +4,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -18,6 +19,7 @@ from calstation.gui.state import RunStrip
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.widgets import ElidedLabel, theme
 from calstation.sequencer import Command, StateChanged
+from tests.database.result_files import write_result
 from tests.gui.conftest import SERIAL, Operator
 from tests.site_folder import STATION
 
@@ -213,3 +215,16 @@ def test_stop_of_a_run_that_has_opened_its_ports_stops_nothing_else(hardware: Op
         press_stop(hardware)
         hardware.qtbot.wait(1500)
         assert process.poll() is None
+
+
+def test_shift_is_counted_again_when_the_run_of_another_program_ends(hardware: Operator) -> None:
+    shift = hardware.widget("shift_label", QLabel)
+    with owner(port_lock.ENGINE) as process:
+        hardware.until(lambda: hardware.run.display_state == "in_use")
+        runs = hardware.window.app.runs_folder
+        runs.mkdir(exist_ok=True)
+        now = f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%S+00:00}"
+        write_result(runs, "SN-1_1", 1, station="line 3", started_utc=now)
+        assert "0 done" in shift.text()
+        process.kill()
+        hardware.until(lambda: "1 done" in shift.text(), 20.0)

@@ -7,6 +7,7 @@ from PySide6.QtCore import QTimer
 from calstation.gui.state import AppContext
 from calstation.gui.text import duration_text, on_language_change, say
 from calstation.gui.widgets import PlainLabel, show_text
+from calstation.messages import Text
 from calstation.results import ShiftCount, count_shift, shift_start
 from calstation.runs import RunSummary
 
@@ -25,9 +26,11 @@ class ShiftCounter(PlainLabel):
         self._summary: RunSummary | None = None
         self._since: datetime | None = None
         self._count: ShiftCount | None = None  #: None until a job has counted the units.
+        self._program: Text | None = None  #: Other program that used the station at the last change.
         self._watch = app.job(self, count_shift, self._counted)
         self._timer = QTimer(self, interval=_CHECK_MS)
         self._timer.timeout.connect(self._check_shift)
+        app.run.changed.connect(self._run_changed)
         on_language_change(self, self._show_count)
 
     def set_next_run(self, run_summary: RunSummary | None) -> None:
@@ -48,6 +51,12 @@ class ShiftCounter(PlainLabel):
         else:
             self._count = ShiftCount()
         self._show_count()
+
+    def _run_changed(self) -> None:
+        """Count the units again when the run of another program has ended."""
+        before, self._program = self._program, self._app.run.program
+        if before is not None and self._program is None and self._timer.isActive():
+            self.count()
 
     def _check_shift(self) -> None:
         if self._summary is not None and shift_start(self._summary.shift_starts) != self._since:
