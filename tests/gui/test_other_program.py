@@ -18,7 +18,7 @@ from calstation.connection import port_lock
 from calstation.gui.state import RunStrip
 from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.widgets import ElidedLabel, theme
-from calstation.sequencer import Command, StateChanged
+from calstation.sequencer import Command, Fault, StateChanged
 from tests.database.result_files import write_result
 from tests.gui.conftest import SERIAL, Operator
 from tests.site_folder import STATION
@@ -215,6 +215,32 @@ def test_stop_of_a_run_that_has_opened_its_ports_stops_nothing_else(hardware: Op
         press_stop(hardware)
         hardware.qtbot.wait(1500)
         assert process.poll() is None
+
+
+@pytest.mark.parametrize(
+    ("code", "remedy", "told"),
+    [
+        ("en", "STOP and Esc in this window stop its run", "told to stop its run"),
+        ("zh_CN", "会安全停止它的标定", "安全停止标定"),
+    ],
+)
+def test_fault_of_a_port_in_use_names_stop_and_goes_when_the_other_program_ends(
+    hardware: Operator, code: str, remedy: str, told: str
+) -> None:
+    hardware.window.app.set_language(code)
+    with owner(port_lock.ENGINE) as process:
+        start_engine(hardware)
+        link = hardware.window.app.engine_link
+        values = {"port": "tcp://127.0.0.1:9", "pid": process.pid, "user": "wang", "since": "2026-07-01T03:03:00+00:00"}
+        link.event.emit(Fault("PortLockError", "", 3, "connection.port_in_use", values))
+        link._end()
+        hardware.until(lambda: remedy in hardware.says())
+        press_stop(hardware)
+        assert told in hardware.message
+        assert process.wait(10.0) == 0
+        hardware.until(lambda: hardware.run.state == "idle", 5.0)
+        assert hardware.run.fault is None
+        assert "tcp://" not in hardware.says()
 
 
 def test_shift_is_counted_again_when_the_run_of_another_program_ends(hardware: Operator) -> None:

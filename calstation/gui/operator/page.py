@@ -161,6 +161,7 @@ class OperatorPage(Page):
         header.serial_edit.textChanged.connect(self._show_readiness)
         header.serial_edited.connect(self._documents.dismiss)
         app.port_watch.stopped.connect(lambda notice: ask(self._documents, "stopped", notice, {}))
+        app.port_watch.freed.connect(self._acknowledge)
         self.notice.changed.connect(self._show_readiness)
         header.product_combo.opening.connect(self._mark_products)
         header.product_selected.connect(app.set_product)

@@ -8,7 +8,7 @@ from pathlib import Path
 from calstation.config import ManualRigError, Person, RunRequest, load_station, product_error
 from calstation.database import Claim
 from calstation.errors import CalstationError
-from calstation.gui.state import AppContext, PeoplePanel, RunStatus, chamber_reason
+from calstation.gui.state import AppContext, PeoplePanel, RunStatus, chamber_reason, prevented_by
 from calstation.gui.text import (
     Words,
     engineer_corrects,
@@ -115,7 +115,7 @@ def progress_message(run: RunStatus) -> str:
 def urgent_message(run: RunStatus, *, engineer: bool) -> str:
     """Return what to know before anything else: a fault, the table, the chamber or another window; "" for nothing."""
     table = say("operator.message_table_stopped") if run.table_stopped else ""
-    if run.fault is not None:
+    if run.fault is not None and prevented_by(run) is None:
         return joined(fault_text(run.fault, engineer=engineer).text, table, language.current())
     if run.stop_incomplete:
         return say("advice.stop_incomplete")

@@ -16,8 +16,8 @@ from calstation.gui.operator import advice
 from calstation.gui.operator.production import CertificateButton, LabelButton, UnprintedNotice
 from calstation.gui.operator.questions import sign_in_text
 from calstation.gui.operator.units import Banner
-from calstation.gui.state import AppContext, ResetBar
-from calstation.gui.text import duration_text, fault_text, language, say
+from calstation.gui.state import AppContext, ResetBar, prevented_by
+from calstation.gui.text import duration_text, fault_text, language, rendered, say
 from calstation.gui.widgets import (
     NoticeBar,
     PlainLabel,
@@ -257,6 +257,8 @@ class VerdictPanel(QFrame):
             return say("advice.decide_registers")
         if fault is None:
             return advice.next_action(self._display_state, result, engineer=self._app.role.engineer)
+        if (other := prevented_by(self._run)) is not None:
+            return rendered(other).remedy
         reset = self.reset.result is not None and self.reset.result.clear
         return say("advice.after_reset") if reset else self._fault_text(fault).remedy
 

@@ -9,6 +9,7 @@ from calstation.gui.state.context import AppContext
 from calstation.gui.state.event_log import EventLog
 from calstation.gui.state.page import FileExport, JobView, Page
 from calstation.gui.state.people_panel import PeoplePanel, ReleaseBar, ask_to_sign_in
+from calstation.gui.state.port_watch import prevented_by
 from calstation.gui.state.reset_bar import ResetBar, TableNotice
 from calstation.gui.state.role import RolePanel
 from calstation.gui.state.run_status import RunStatus

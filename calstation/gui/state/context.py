@@ -57,7 +57,7 @@ class AppContext(QObject):
         self.engine_link = EngineLink(self)
         self.run = RunStatus(self.engine_link, self)
         self.windows = StationWindows(self.run, self)
-        self.port_watch = PortWatch(self.run, self)
+        self.port_watch = PortWatch(self.run, self.engine_link, self)
         self.role = RoleLock(self, lambda: self.engine_link.running or self.job_queue.busy)
         #: Units of the next run at a station with several slots.
         self.slots = Slots(self)

@@ -7,22 +7,26 @@ from pathlib import Path
 from PySide6.QtCore import QObject, QTimer, Signal
 
 from calstation.connection import PortOwner, find_station_owner
+from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.state.run_status import RunStatus
 from calstation.messages import Text
 
 #: Interval at which the locks of the ports are read, ms.
 _INTERVAL_MS = 1000
+#: Codes of the faults of a run that another program prevented by using a port.
+_IN_USE = ("connection.port_in_use", "connection.port_in_use_unknown")
 
 
 class PortWatch(QObject):
     """Shows the program that uses the devices of the station as `RunStatus.program`, and passes STOP to its run."""
 
     stopped = Signal(Text)  #: Emitted with a notice when the run of another program has ended after STOP here.
+    freed = Signal()  #: Emitted when the other program has ended because of which a run could not start.
     _read = Signal(object, object)
 
-    def __init__(self, run: RunStatus, parent: QObject | None = None) -> None:
+    def __init__(self, run: RunStatus, link: EngineLink, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self._run = run
+        self._run, self._link = run, link
         self._station: Path | None = None
         self._owner: PortOwner | None = None
         self._effect = ""  #: Effect of STOP on the owner, ``stopping`` or ``not_stopped``; "" before STOP.
@@ -69,6 +73,9 @@ class PortWatch(QObject):
                 self._look()
             if previous is not None and stopping and self._owner != previous:
                 self.stopped.emit(Text.of("question.program_stopped", pid=previous.pid, user=previous.user))
+            request = self._link.request
+            if owner is None and _in_use(self._run) and request is not None and request.station == station:
+                self.freed.emit()
 
     def _set_owner(self, owner: PortOwner | None) -> None:
         if owner != self._owner:
@@ -94,3 +101,13 @@ class PortWatch(QObject):
             effect = self._effect or ("running" if owner.can_stop else "used")
             program = Text.of(f"question.program_{effect}", pid=owner.pid, user=owner.user, since=owner.since)
         self._run.set_program(program)
+
+
+def _in_use(run: RunStatus) -> bool:
+    """Return whether the last run could not start because another program used a port."""
+    return run.fault is not None and run.fault.code in _IN_USE
+
+
+def prevented_by(run: RunStatus) -> Text | None:
+    """Return the other program that prevented the last run and still uses the station, or None."""
+    return run.other_program if _in_use(run) else None
