@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from calstation.errors import ConfigurationError
+from calstation.errors import ConfigurationError, InputError
 from calstation.estimation import BatchStage, Method, Solution
 from calstation.estimation.common import (
     REST_MARGIN,
@@ -54,6 +54,8 @@ GROUPS = ("gyro_bias", "gyro_scale", "gyro_misalign", "accel_bias", "accel_scale
 ESTIMATED = tuple(p.name for p in PARAMETERS if p.group in GROUPS)
 #: Beginning of the names of the parameters that rest on a kind of scatter.
 _RESTS_ON = {"force": ("accel",), "turn": ("gyro_scale", "gyro_misalign")}
+#: Largest scatter of the angles of turns of a usable recording, rad: that which a schedule may assume.
+MAX_TURN_SCATTER = float(np.deg2rad(10.0))
 #: Outer and inner joint angle, rad.
 Pose = tuple[float, float]
 #: Time in which an operator reads an instruction and releases a rail, s.
@@ -141,6 +143,9 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
     by_hand = not data.has_angles  # a table does not scatter like a hand
     assumed = Scatter(by_hand * schedule.force_scatter, 0.0, by_hand * float(np.deg2rad(schedule.turn_scatter_deg)))
     fit = fit_positions(data, rests, links, context, prior, mask, assumed)
+    if "turn" not in fit.assumed and fit.scatter.turn > MAX_TURN_SCATTER:
+        scatter = float(np.rad2deg(fit.scatter.turn))
+        raise InputError("recording.turns_scatter", scatter_deg=scatter, limit_deg=float(np.rad2deg(MAX_TURN_SCATTER)))
     return Solution(
         stage="multi_position",
         posterior=consider_update(prior, fit.posterior, mask),

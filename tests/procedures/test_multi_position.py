@@ -19,6 +19,7 @@ from calstation.errors import ConfigurationError, InputError, InsufficientDataEr
 from calstation.estimation import Solution
 from calstation.estimation.common import Posterior, SampleBlock
 from calstation.estimation.effects import MAX_EXCESS, EffectEvidence, EffectTests
+from calstation.estimation.positions import fit_positions
 from calstation.physics import (
     EFFECTS,
     INDEX,
@@ -33,7 +34,7 @@ from calstation.physics import (
     group_vector,
 )
 from calstation.results import resolve
-from procedures import method
+from procedures import method, multi_position
 from procedures.multi_position import ESTIMATED, GROUPS
 from tests.helpers import raises_code
 
@@ -74,7 +75,8 @@ def test_errors_of_many_recordings_agree_with_their_sigmas(grade, seeds):
 
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("sigma", [1e6, 2.0**63])
-def test_an_absurd_sigma_of_the_prior_leaves_the_covariance_positive(mems, sigma):
+def test_an_absurd_sigma_of_the_prior_leaves_the_covariance_positive(mems, sigma, monkeypatch):
+    monkeypatch.setattr(multi_position, "MAX_TURN_SCATTER", np.inf)  # the solution is nonsense and would be refused
     imu, block = mems
     prior = prior_of("mems")
     correlation = np.eye(len(NAMES))
@@ -282,7 +284,7 @@ def without_motion(counts):
         (scale(slice(3, 6), 1.0 / 9.80665), "accel_unit", "(g instead of m/s²)"),
         (scale(slice(3, 6), 2.0), "accel_unit", "units are wrong by a factor of 2"),
         (scale(slice(0, 3), 180.0 / np.pi), "gyro_unit_no_rest", "(°/s instead of rad/s)"),
-        (scale(slice(0, 3), 0.5), "gyro_unit", "rates are multiplied by 2"),
+        (scale(slice(0, 3), 0.5), "gyro_unit", "rates are multiplied by 1.98"),
         (without_motion, "gyros_see_no_motion", "The gyros do not measure the motions"),
     ],
 )
@@ -291,6 +293,54 @@ def test_unusable_recording_is_refused_with_its_fault(mems, change, code, words)
     with raises_code(InputError, f"recording.{code}") as caught:
         solved(altered(block, change), context_of(imu), prior_of("mems"))
     assert words in str(caught.value)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("known", [2.0, 1000.0])
+@pytest.mark.parametrize(
+    ("grade", "factor", "code"),
+    [
+        ("mems", 5.0, "gyro_unit"),
+        ("mems", 10.0, "gyro_unit"),
+        ("mems", 30.0, "gyro_unit"),
+        ("mems", np.pi / 180.0, "gyros_see_no_motion"),
+        ("tactical", 10.0, "gyro_unit"),
+        ("tactical", 30.0, "gyro_unit"),
+        ("tactical", 180.0 / np.pi, "gyro_unit"),
+    ],
+)
+def test_factor_of_the_rates_is_found_although_it_adds_whole_turns(grade, factor, code, known):
+    """Rates that are too high rotate the unit by many turns, which agree with gravity within some percent of them."""
+    imu = unit(grade, 3)
+    block = altered(recording(imu, 3, step=np.deg2rad(90.0)), scale(slice(0, 3), factor))
+    with raises_code(InputError, f"recording.{code}") as caught:
+        solved(block, context_of(imu), prior_of(grade, known))
+    if code == "gyro_unit":
+        assert caught.value.values["factor"] == pytest.approx(1.0 / factor, rel=0.03)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("grade", ["mems", "tactical"])
+@pytest.mark.parametrize("step", [45.0, 90.0, 120.0])
+def test_sound_recording_of_an_unknown_unit_is_accepted(grade, step):
+    imu = unit(grade, 7)
+    rough = replace(QUICK, velocity_sigma=8e-3)
+    output = solved(recording(imu, 7, rough, step=np.deg2rad(step)), context_of(imu), prior_of(grade, 1000.0))
+    assert not any(key == "motions_left_out" for key, _ in output.messages)
+
+
+def test_rotations_that_scatter_by_tens_of_degrees_are_refused(mems, monkeypatch):
+    imu, block = mems
+    found = fit_positions
+
+    def scattered(*args):
+        fit = found(*args)
+        return replace(fit, scatter=replace(fit.scatter, turn=np.deg2rad(42.0)), assumed=())
+
+    monkeypatch.setattr(multi_position, "fit_positions", scattered)
+    with raises_code(InputError, "recording.turns_scatter") as caught:
+        solved(block, context_of(imu), prior_of("mems"))
+    assert caught.value.values["scatter_deg"] == pytest.approx(42.0)
 
 
 @pytest.mark.long

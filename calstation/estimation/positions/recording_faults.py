@@ -60,8 +60,13 @@ GYRO_UNITS = (
     ("mrad/s", "rad/s", 1e-3),
     ("m°/s", "rad/s", np.pi / 180e3),
 )
-#: Factors tried if no confusion of units explains the rotations; successive ones differ by 3 %.
-FACTORS = np.exp(np.linspace(np.log(0.1), np.log(10.0), 154))
+#: Factors, relative to that from the course of gravity, that are tried if no confusion of units explains the rotations;
+#: successive ones differ by 3 %.
+FACTORS = np.exp(np.linspace(np.log(0.5), np.log(2.0), 47))
+#: Largest factor between the rates and those from the course of gravity during motions, which a hand disturbs.
+MAX_FACTOR = 2.0
+#: Longest interval in which the course of gravity is compared with the rates, s.
+_COURSE_WINDOW = 2.0
 #: Largest fraction of motions that contradict gravity and are omitted.
 MAX_CONTRADICTORY = 0.1
 #: Largest error of an angle between two rests due to accelerometer biases, rad, and of a rotation due to the matrix of
@@ -112,7 +117,9 @@ def valid_links(
             raise _short_rests_error(still, shortest)
         raise InsufficientDataError("recording.one_position", rests=len(up))
     contradictory = _contradicting(data, turns, prior, gravity, compensation(prior.mean).gyro_inverse)
-    if contradictory.sum() > MAX_CONTRADICTORY * len(turns):
+    if contradictory.sum() > MAX_CONTRADICTORY * len(turns) or not _is_plausible(
+        _rate_factor(data, turns, np.eye(3))[0]
+    ):
         raise _contradiction_error(data, turns, prior, gravity)
     return tuple(turn.link for turn, is_contradictory in zip(turns, contradictory, strict=True) if not is_contradictory)
 
@@ -261,11 +268,16 @@ def _turns(data: StageData, still: Stillness, prior: Posterior) -> tuple[list[_T
 def _contradicting(
     data: StageData, turns: list[_Turn], prior: Posterior, gravity: float, gyro_inverse: FloatArray
 ) -> BoolArray:
-    """Return whether each motion contradicts gravity by more than the prior allows, shape (n,)."""
+    """Return whether each motion contradicts gravity by more than the prior allows, shape (n,).
+
+    Motions do not reveal a factor if the rates times the factor turn the unit as far, except for whole turns, see
+    `_rate_factor`.
+    """
     matrix = 3.0 * float(np.hypot(*(prior.sigma[group_indices(g)].max() for g in ("gyro_scale", "gyro_misalign"))))
     tilt = 3.0 * float(prior.sigma[group_indices("accel_bias")].max()) / gravity
     fixed, relative = np.deg2rad(3.0) + min(tilt, _MAX_TILT), min(matrix, _MAX_MATRIX)
-    allowed = np.array([fixed + relative * max(t.path, t.tilt) for t in turns])
+    size = float(np.cbrt(abs(np.linalg.det(gyro_inverse))))
+    allowed = np.array([fixed + relative * max(size * t.path, t.tilt) for t in turns])
     return np.asarray(_gravity_error(data, turns, gyro_inverse) > allowed)
 
 
@@ -284,14 +296,48 @@ def _contradiction_error(data: StageData, turns: list[_Turn], prior: Posterior, 
     signs, orders = itertools.product((1.0, -1.0), repeat=3), itertools.permutations(range(3))
     permutations = [np.array(s)[:, None] * np.eye(3)[list(order)] for order, s in itertools.product(orders, signs)]
     axes = min(permutations, key=lambda P: float(_gravity_error(data, turns, P).sum()))
-    if explains(axes):
+    if _is_plausible(_rate_factor(data, turns, axes)[0]) and explains(axes):
         return InputError("recording.axes_differ", swaps=_swaps(axes))
-    factors = [*(slip[2] for slip in GYRO_UNITS), *FACTORS]
-    factor = min(factors, key=lambda k: float(_gravity_error(data, turns, k * np.eye(3)).sum()))
-    if explains(factor * np.eye(3)):
+    about, _ = max((_rate_factor(data, turns, P) for P in permutations), key=lambda pair: pair[1])
+    factors = [k for k in (*(slip[2] for slip in GYRO_UNITS), *about * FACTORS) if _is_plausible(k / about)]
+    factor = min(factors, key=lambda k: float(_gravity_error(data, turns, k * np.eye(3)).sum()), default=about)
+    if not _is_plausible(about) or explains(factor * np.eye(3)):
         return InputError("recording.gyro_unit", factor=float(factor), slip=_unit_slip(GYRO_UNITS, factor))
     angle = float(np.rad2deg(error.max()))
     return InputError("recording.contradictory", motions=len(turns), angle_deg=angle, **span)
+
+
+def _is_plausible(factor: float) -> bool:
+    """Return whether rates may differ from the motion by a factor, to be judged by their integrals."""
+    return 1.0 / MAX_FACTOR < factor < MAX_FACTOR
+
+
+def _rate_factor(data: StageData, turns: list[_Turn], gyro_inverse: FloatArray) -> tuple[float, float]:
+    """Return the factor of the rates that the course of gravity requires, and the squared correlation of the two.
+
+    At rest and in slow motion the measured force f, in b, changes by df/dt = f × ω. Its integral with a smooth weight w
+    that vanishes at both ends is −∫ f dw/dt dt = ∫ w f × ω dt, which is linear in ω and therefore, unlike the rotation,
+    not ambiguous by whole turns. The factor is the median over the motions that tilt the unit; 1 if there are none.
+    """
+    sums = []
+    for t in turns:
+        start, count = t.link.start, t.link.stop - t.link.start
+        width = count // max(1, round(count * data.dt / _COURSE_WINDOW))
+        if t.tilt < OTHER_POSITION or width < 2:
+            continue
+        used = slice(start, start + count // width * width)
+        phase = np.pi * (np.arange(width) + 0.5) / width
+        weight, slope = np.sin(phase) ** 2, np.pi / (width * data.dt) * np.sin(2.0 * phase)
+        force, rate = data.accel[used], (data.gyro[used] - t.bias) @ gyro_inverse.T
+        expected = np.einsum("w,nwi->ni", weight, np.cross(force, rate).reshape(-1, width, 3))
+        measured = -np.einsum("w,nwi->ni", slope, force.reshape(-1, width, 3))
+        sums.append([(expected * measured).sum(), (expected**2).sum(), (measured**2).sum()])
+    if not sums:
+        return 1.0, 0.0
+    product, square, size = np.array(sums).T
+    tiny = np.finfo(np.float64).tiny
+    factor = float(np.median(product / np.maximum(square, tiny)))
+    return factor, float(product.sum() * abs(product.sum()) / max(square.sum() * size.sum(), tiny))
 
 
 def _gravity_error(data: StageData, turns: list[_Turn], gyro_inverse: FloatArray) -> FloatArray:
