@@ -251,9 +251,7 @@ class Continuation:
             slots = {"slot": run.slot or "", "given": request.slot}
             raise ConfigurationError("run.other_slot", path=path, serial=request.serial, **slots)
         filled = replace(
-            request,
-            stages=_run_stages(log),
-            schedule={stage: stage_schedule(log.meta, stage) for stage in _run_stages(log)},
+            with_stages_of(request, log),
             seed=run.seed if run else None,
             slot=run.slot if run else None,
             batch=run.batch if run else None,
@@ -425,6 +423,12 @@ def _check_station(log: Log, here: StationConfig) -> None:
     if text and virtual != (here.bench is not None):
         code = "run.station_now_hardware" if virtual else "run.station_now_virtual"
         raise ConfigurationError(code, path=log.path, station=here.name)
+
+
+def with_stages_of(request: RunRequest, log: Log) -> RunRequest:
+    """Return the request with the stages and the original schedules of a log."""
+    stages = _run_stages(log)
+    return replace(request, stages=stages, schedule={stage: stage_schedule(log.meta, stage) for stage in stages})
 
 
 def stage_schedule(meta: LogMeta, stage: str) -> dict[str, Any]:

@@ -19,6 +19,8 @@ from calstation.physics import (
     parameter_indices,
 )
 from calstation.quality import due_certificates
+from calstation.records import open_log
+from calstation.runs.resume import with_stages_of
 from calstation.sequencer import DURATION, StagePlan, stage_times, step_time, table_task
 
 
@@ -89,7 +91,12 @@ class RunSummary:
 
 
 def run_summary(request: RunRequest) -> RunSummary:
-    """Summarise a requested run, which need not name a serial number. Raises ConfigurationError."""
+    """Summarise a requested run, which need not name a serial number; a resumed run has the stages of its log.
+
+    Raises ConfigurationError, or InputError if the log cannot be read.
+    """
+    if request.resume is not None:
+        request = with_stages_of(request, open_log(request.resume))
     setup = load_configuration(request)
     check_station(setup)
     load, picture = setup.product.load_angle, setup.product.picture

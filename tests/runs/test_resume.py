@@ -16,10 +16,11 @@ from calstation.devices.imu import FramedImu
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.records import open_log
 from calstation.results import History, load_finished_run, resolve
-from calstation.runs import Engine, execute, find_resumable, finish_incomplete
+from calstation.runs import Engine, execute, find_resumable, finish_incomplete, run_summary
 from calstation.runs.incomplete import close_incomplete, close_incomplete_job
 from calstation.runs.resume import Continuation, resumable_run
 from calstation.sequencer import Command, Control, Event, Finalized, Message, StageSolved, StageStarted, StepStarted
+from tests.dead_logs import write_dead_log
 from tests.helpers import raises_code
 from tests.shared_runs import SharedRuns
 from tests.site_folder import PRODUCT, QUICK, SiteFolder
@@ -97,6 +98,20 @@ def test_stopped_run_is_resumed_after_its_last_finished_stage(site_folder: SiteF
         assert again[key] == result[key]
     assert find_resumable(ignore_progress, site_folder.folder / "runs") == []
     assert History(site_folder.folder / "runs").attempts("SN-000042") == 1
+
+
+@pytest.mark.parametrize("resumes", [False, True], ids=["unit", "batch"])
+def test_summary_of_a_resumed_run_has_the_stages_and_schedules_of_its_log(
+    site_folder: SiteFolder, resumes: bool
+) -> None:
+    site_folder.write({"stages": [*STAGES, "azimuth_flip"]})
+    planned = run_summary(site_folder.request(*STAGES))
+    log = write_dead_log(site_folder.runs)
+    schedule = {**PRODUCT["schedule"], "rate": {**PRODUCT["schedule"]["rate"], "dwell_s": 60.0}}
+    site_folder.write({"stages": [*STAGES, "azimuth_flip"], "schedule": schedule})
+    summary = run_summary(replace(site_folder.request(), resume=log, resumes=(log,) if resumes else ()))
+    assert summary.omitted == planned.omitted == ("azimuth_flip",)
+    assert summary.stages == planned.stages
 
 
 @pytest.mark.exhaustive
