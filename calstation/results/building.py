@@ -115,6 +115,7 @@ def build_result(
 def stated_by_log(meta: LogMeta, facts: LogFacts) -> dict[str, Any]:
     """Return the entries of a result that follow from the configuration and the samples of its log; None if unknown."""
     run = meta.run
+    stated = run.model_dump() if run else {}
     return {
         "unit": {"serial": meta.imu.serial},
         "simulated": meta.is_simulated,
@@ -127,7 +128,7 @@ def stated_by_log(meta: LogMeta, facts: LogFacts) -> dict[str, Any]:
         "temperature_c": facts.temperature and dict(zip(("mean", "min", "max"), facts.temperature, strict=True)),
         "started_utc": run.started_utc if run else None,
         "duration_s": facts.samples / meta.imu.sample_rate_hz,
-        **{name: getattr(run, name) if run else None for name in _STATED_IF_KNOWN},
+        **{name: stated.get(name) for name in _STATED_IF_KNOWN},
     }
 
 

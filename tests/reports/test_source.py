@@ -4,7 +4,8 @@ import json
 import shutil
 import types
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import date
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -20,8 +21,9 @@ from calstation.records import audit_path, open_log
 from calstation.reports import source
 from calstation.results import Resolved, Result, load_result, override_result, resolve
 from tests.helpers import ignore_progress, raises_code
-from tests.reports.certificates import make
+from tests.reports.certificates import make, with_laboratory
 from tests.shared_runs import SharedRuns
+from tests.site_folder import ONE_STAGE, SiteFolder
 
 #: Beginnings of entries that the certificate does not take from the file: a change of them has no effect.
 WITHOUT_EFFECT = {
@@ -33,6 +35,7 @@ REFUSED = {"report.other_result", "result.altered", "report.other_log", "result.
     "report.solved_by_other_version",
     "result.not_a_result",
 }
+OVERDUE = {"name": "rate table", "kind": "table", "due": date(2020, 1, 2)}
 FIELDS = [field.serialization_alias or field.alias or name for name, field in Result.model_fields.items()]
 
 
@@ -300,3 +303,17 @@ def test_failed_check_cannot_be_changed_to_passed(
     assert "was changed: it differs from the result in its log" in said
     assert '"failed" in the log, "passed" in the file' in said or "false in the log, true in the file" in said
     assert not (tmp_path / "edited.pdf").exists()
+
+
+@pytest.mark.long
+def test_certificate_of_a_run_despite_an_overdue_instrument_agrees_with_its_log(
+    site_folder: SiteFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site_folder.write(ONE_STAGE)
+    with_laboratory(site_folder, instruments=[OVERDUE])
+    request = replace(site_folder.request(), override_standard="table is at the laboratory")
+    site_folder.request = lambda *stages, **more: request  # type: ignore[method-assign,assignment]
+    ended = site_folder.run()
+    overridden = stated(Path(ended.result_file))["standard_overridden"]
+    assert [(each["reason"], each["name"]) for each in overridden] == [("certificate", "rate table")]
+    assert run_app(["report", ended.log, "-o", str(tmp_path / "certificate.pdf")]) == 0, capsys.readouterr().err
