@@ -72,7 +72,7 @@ def _end_deviations(result: Result) -> Iterator[Text]:
         yield Text.of("certificate.d_resolved", software=software, stages=result.stages, **span)
     elif result.registers is None or result.registers.new is None:
         yield Text("certificate.d_registers_kept")
-    elif not result.registers.verified:
+    if result.registers is not None and result.registers.new is not None and not result.registers.verified:
         yield Text("certificate.d_unverified")
     if result.override is not None:
         people = ", ".join(filter(None, (result.override.by, result.override.confirmed_by)))

@@ -14,7 +14,6 @@ from calstation.jobs import ProgressCallback
 from calstation.parsing import read_json
 from calstation.records import Log, open_log
 from calstation.results import (
-    Registers,
     Result,
     altered_entry,
     difference,
@@ -128,10 +127,8 @@ def _solve_again(report: ProgressCallback, path: Path, result: Result | None, lo
 
 
 def _with_registers(result: Result, run: Result | None) -> Result:
-    """Return the result of a log that was solved again, completed by the registers before and after the run."""
-    if run is None or run.registers is None:
-        return result
-    return result.model_copy(update={"registers": Registers(old=run.registers.old, new=run.registers.new)})
+    """Return the result of a log that was solved again, completed by the registers of the run and their verification."""
+    return result if run is None else result.model_copy(update={"registers": run.registers})
 
 
 def _content(path: Path, omitted: tuple[str, ...]) -> dict[str, Any]:

@@ -676,11 +676,18 @@ def test_repeated_solution_states_the_registers_before_and_after_the_run(made: M
     run = made.certificate.result.registers
     assert run is not None
     assert result.registers is not None
-    assert (result.registers.old, result.registers.new, result.verified) == (run.old, run.new, False)
+    assert result.registers == run
+    assert result.verified
     again = build_certificate(result, open_log(log).meta)
     assert [q.as_left for q in again.quantities] == [q.as_left for q in made.certificate.quantities]
     (notice,) = document(again, made.analysis, "en")["notices"]
     assert "offline solution" in notice
+    remark, *others = (text.code for text in deviations(again, made.analysis) if "register" in sentence(text))
+    assert (remark, others) == ("certificate.d_resolved", [])
+    verification = document(again, made.analysis, "en")["registers"]
+    assert verification["verified"]
+    assert verification["rows"]
+    assert verification == document(made.certificate, made.analysis, "en")["registers"]
     assert document(made.certificate, made.analysis, "en")["notices"] == []
 
 
