@@ -17,7 +17,7 @@ from urllib.parse import quote
 from pydantic import Field
 
 from calstation.config import library
-from calstation.config.request import computer_user
+from calstation.config.request import Confirmation, computer_user
 from calstation.errors import ConfigurationError
 from calstation.messages import os_reason
 from calstation.parsing import read_json
@@ -58,7 +58,7 @@ def has_pin(badge: str = "") -> bool:
     return _file(badge).exists()
 
 
-def set_pin(old: str, new: str, badge: str = "", by: str = "") -> None:
+def set_pin(old: str, new: str, badge: str = "", author: Confirmation | None = None) -> None:
     """Set a new PIN after writing the audit trail to disk. Raises ConfigurationError.
 
     Parameters
@@ -66,7 +66,7 @@ def set_pin(old: str, new: str, badge: str = "", by: str = "") -> None:
     old : current PIN, or the site's PIN if the badge has no PIN yet; ignored for the site's first PIN
     new : new PIN
     badge : badge of the engineer; "" for the site's PIN
-    by : name of the person who sets it, by default the user of this computer
+    author : person who sets it, by default the user of this computer, and how the person was identified
     """
     if len(new) < MIN_PIN_LENGTH:
         raise ConfigurationError("access.pin_too_short", shortest=MIN_PIN_LENGTH)
@@ -80,8 +80,9 @@ def set_pin(old: str, new: str, badge: str = "", by: str = "") -> None:
             if seconds:
                 raise ConfigurationError("access.wrong_pin_wait", seconds=seconds)
             raise ConfigurationError("access.wrong_pin")
+        author = author or Confirmation(computer_user() or "engineer")
         details = {"badge": badge} if badge else {}
-        append_audit(library.site_folder(), event, by or computer_user() or "engineer", **details)
+        append_audit(library.site_folder(), event, author.by, pin=author.pin, **details)
         salt = os.urandom(16)
         _store(_Stored(salt=salt.hex(), hash=_hash(new, salt, _N, _R, _P).hex(), n=_N, r=_R, p=_P), badge)
 

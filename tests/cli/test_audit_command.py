@@ -77,8 +77,11 @@ def test_one_person_is_found_by_badge_and_name(calstation, home: Path, recorded:
         (home / "stations" / "damaged.toml").write_text("name =", encoding="utf-8")
     for by in (*recorded, "Wang Wei (B0002)"):
         append_audit(home, "file_saved", by)
-    for person in ("B0001", "Li Na", "Li Na (B0001)"):
+    for person in ("Li Na", "Li Na (B0001)"):
         assert [each["by"] for each in calstation("audit", "--by", person, "--json", "-").json["events"]] == [*recorded]
+    badge = [by for by in recorded if "B0001" in by]
+    found = calstation("audit", "--by", "B0001", "--json", "-").json["events"]
+    assert [each["by"] for each in found] == badge, "a name without the badge proves no badge"
     append_audit(home, "file_saved", "Li Na (B0003)")  # a namesake
     append_audit(home, "file_saved", "Li Na (B0001)")
     found = calstation("audit", "--by", "B0003", "--json", "-").json["events"]
@@ -135,7 +138,7 @@ def test_lines_of_a_changed_trail_are_marked(calstation, home: Path) -> None:
     for command in (("audit",), ("check",)):
         assert calstation(*command).code == 2
     first, second, third, *_ = calstation("audit").out.splitlines()
-    assert "(wang)" in first
+    assert "(wang (not authenticated))" in first
     assert "not proved" not in first
     assert second.startswith("line 2, CHANGED: {")
     assert '"by": "xu"' in second

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from calstation.config import access
+from calstation.config import Confirmation, access, computer_user
 from calstation.errors import ConfigurationError
 from calstation.records import audit_path, read_audit
 from tests.helpers import raises_code
@@ -160,3 +160,24 @@ def test_damaged_pin_file_is_reported(home: Path, text: str) -> None:
         access.check("246813")
     with pytest.raises(ConfigurationError, match=r"engineer\.json"):
         access.set_pin("246813", "135792")
+
+
+@pytest.mark.parametrize(
+    ("author", "by", "proved"),
+    [
+        (None, computer_user(), False),
+        (Confirmation("Anna Quality"), "Anna Quality", False),
+        (Confirmation("Li Na (B0001)", pin="personal"), "Li Na (B0001)", True),
+    ],
+    ids=["user of the computer", "typed name", "personal PIN"],
+)
+def test_audit_trail_says_whether_a_pin_proved_who_set_a_pin(
+    home: Path, author: Confirmation | None, by: str, proved: bool
+) -> None:
+    access.set_pin("", "000000", author=author)
+    access.set_pin("000000", "111111", author=author)
+    events = read_audit(audit_path(home)).entries
+    assert [(each.event, each.by, each.unproven) for each in events] == [
+        ("pin_set", by, not proved),
+        ("pin_changed", by, not proved),
+    ]

@@ -119,7 +119,7 @@ class PersonalSection(QWidget):
             self._show_pin_error(say("settings.pin_too_short", least=access.MIN_PIN_LENGTH), self._new)
             return
         try:
-            access.set_pin(self._old.text(), self._new.text(), self._badge, self._app.author.by)
+            access.set_pin(self._old.text(), self._new.text(), self._badge, self._app.author)
         except ConfigurationError as error:
             self._show_pin_error(say(error.as_text), self._old)
             self._old.selectAll()

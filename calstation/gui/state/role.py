@@ -8,7 +8,7 @@ from PySide6.QtCore import QCoreApplication, QEvent, QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QHideEvent
 from PySide6.QtWidgets import QFrame, QGridLayout, QLineEdit, QPushButton, QWidget
 
-from calstation.config import RunRequest, access
+from calstation.config import Confirmation, RunRequest, access
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import button, column, grid, label, row, show_text, theme
@@ -71,7 +71,7 @@ class RoleLock(QObject):
 
         Raises ConfigurationError if the PIN is not allowed or cannot be stored.
         """
-        access.set_pin("", pin, by=recorded or person)
+        access.set_pin("", pin, author=Confirmation(recorded or person) if recorded or person else None)
         self._set("engineer", person)
 
     def lock(self) -> None:

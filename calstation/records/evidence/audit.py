@@ -52,13 +52,6 @@ AuditEventName = Literal[
 ]
 AUDIT_EVENTS: tuple[AuditEventName, ...] = get_args(AuditEventName)
 
-#: Events that state how the person was identified.
-_IDENTIFIED: tuple[AuditEventName, ...] = (
-    *("file_saved", "registers", "override", "certificate", "certificate_printed"),
-    *("standard_overridden", "attempt_allowed", "trail_restarted"),
-)
-
-
 #: A person by name and badge.
 _NAME_AND_BADGE = re.compile(r"(.+) \(([^()]+)\)")
 
@@ -82,7 +75,7 @@ class AuditEvent(BaseModel):
     @property
     def unproven(self) -> bool:
         """Whether the person acted under a name that no personal PIN proved; the PIN of the site is that of many."""
-        return bool(self.by) and self.event in _IDENTIFIED and self.values.get("pin") != "personal"
+        return bool(self.by) and self.values.get("pin") != "personal"
 
 
 AuditTrail = Chain[AuditEvent]
@@ -306,13 +299,17 @@ def select_audit(
 ) -> list[AuditEvent]:
     """Return the events with a name, of a person who acted or confirmed, and since a time in ISO 8601 (UTC).
 
-    `people` are the spellings of a person from `recorded_people`.
+    `people` are the spellings of a person from `recorded_people`. A badge selects only events that record it, because
+    anyone can type a name.
     """
     spelled = people or {}
+    badges = {parts[2] for name in spelled.values() if (parts := _NAME_AND_BADGE.fullmatch(name)) is not None}
 
     def concerns(each: AuditEvent) -> bool:
-        acted = (spelled.get(name, name) for name in (each.by, each.confirmed_by) if name is not None)
-        return person is None or spelled.get(person, person) in acted
+        acted = [name for name in (each.by, each.confirmed_by) if name is not None]
+        if person in badges:
+            return any(name == person or name.endswith(f" ({person})") for name in acted)
+        return person is None or spelled.get(person, person) in (spelled.get(name, name) for name in acted)
 
     return [each for each in entries if event in (None, each.event) and concerns(each) and each.utc >= since]
 
