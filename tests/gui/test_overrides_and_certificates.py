@@ -311,9 +311,11 @@ def test_revision_is_issued_only_by_an_engineer_with_a_pin(operator: Operator) -
     operator.until(lambda: "was issued on" in operator.says())
     operator.press("certificate_revise_button")
     note = operator.widget("history_certificate_button_note_label", QLabel)
-    assert "Only number, date and reason will differ." in note.text()
+    for new in ("issuer", "reason", "audit-trail line", "date of receipt entered here"):
+        assert new in note.text()
     operator.window.app.set_language("zh_CN")
-    assert "只有编号、日期和理由会不同" in note.text()
+    for new in ("签发人", "理由", "审计记录", "此处填写的接收日期"):
+        assert new in note.text()
     operator.window.app.set_language("en")
     fields = {"reason": "typing error", "badge": "Dr A. Li", "pin": "111111"}
     fill(operator, "history_certificate_button", **fields)
