@@ -15,10 +15,11 @@ from calstation.errors import CalstationError, ConfigurationError, DeviceFaultEr
 from calstation.escaping import for_zpl
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, local_time, os_reason
-from calstation.records import IssuedReport, Verdict, issued_reports, write_atomic
+from calstation.records import IssuedReport, Verdict, issued_reports, open_log, write_atomic
+from calstation.registers import run_registers
 from calstation.reports.content import certificate_number
 from calstation.reports.pdf import compile_template
-from calstation.results import History, Result, load_run_result, was_simulated
+from calstation.results import History, Result, find_log, load_result, load_run_result, was_simulated
 
 #: Timeout for connecting to a printer and for sending a label, host time, s.
 _TIMEOUT_S = 5.0
@@ -53,6 +54,9 @@ def print_label(report: ProgressCallback, result_file: Path, station: Path | Non
     failed = history.failed_after(result.serial, result.started_utc or "")
     if failed is not None:
         raise InputError("label.failed_later", serial=result.serial, when=local_time(failed.started_utc))
+    log = find_log(result, result_file)
+    if log is not None and result.log.sha256 and open_log(log).facts().sha256 != result.log.sha256:
+        raise InputError("label.log_changed", serial=result.serial, log=log)
     if {*result.not_compared} - {*result.unobservable}:  # no stage estimates them, and no earlier calibration either
         raise InputError("label.not_judged", serial=result.serial, names=result.unjudged)
     if template.suffix == ".zpl":
@@ -70,10 +74,11 @@ def print_label(report: ProgressCallback, result_file: Path, station: Path | Non
 
 @dataclass(frozen=True)
 class PrintedLabels:
-    """PDF files of the labels that have been written, and the results of those that were not printed, with why."""
+    """PDF files of the labels that were written, the results of those that were not printed with why, and cautions."""
 
     pdfs: list[Path]
     errors: dict[Path, Text] = field(default_factory=dict)
+    cautions: list[Text] = field(default_factory=list)  #: What to know about the labels that were printed.
 
 
 def print_labels(report: ProgressCallback, result_files: Sequence[Path], station: Path | None) -> PrintedLabels:
@@ -82,6 +87,7 @@ def print_labels(report: ProgressCallback, result_files: Sequence[Path], station
     for number, result_file in enumerate(result_files):
         report(number / len(result_files))
         try:
+            caution = _replaced_registers(load_result(result_file), result_file.parent)
             pdf = print_label(report, result_file, station)
         except InputError as error:
             printed.errors[result_file] = error.as_text
@@ -90,7 +96,19 @@ def print_labels(report: ProgressCallback, result_files: Sequence[Path], station
             break
         else:
             printed.pdfs.extend([] if pdf is None else [pdf])
+            printed.cautions.extend([] if caution is None else [caution])
     return printed
+
+
+def _replaced_registers(result: Result, runs: Path) -> Text | None:
+    """Return that the unit no longer contains the registers of a run, or why this is unknown; None if it does."""
+    try:
+        registers = run_registers(result, runs)
+    except ConfigurationError as error:
+        return error.as_text
+    if registers is None or registers.later is None:
+        return None
+    return Text.of("label.registers_replaced", serial=result.serial, time=registers.later.utc)
 
 
 def label_fields(result: Result, folder: Path | None = None) -> dict[str, str]:

@@ -127,7 +127,7 @@ def _solve_again(report: ProgressCallback, path: Path, result: Result | None, lo
 
 
 def _with_registers(result: Result, run: Result | None) -> Result:
-    """Return the result of a log that was solved again, completed by the registers of the run and their verification."""
+    """Return the result of a log that was solved again, with the registers of the run and their verification."""
     return result if run is None else result.model_copy(update={"registers": run.registers})
 
 

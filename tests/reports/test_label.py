@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pypdf
 import pytest
@@ -16,15 +17,17 @@ import typst
 import zxingcpp
 
 from calstation.config.library import shipped_folder
+from calstation.devices.imu import Closing, Step
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
 from calstation.messages import Language, local_time, render
-from calstation.records import LogMeta, RawLogWriter
+from calstation.records import LogMeta, RawLogWriter, open_log
+from calstation.registers import journal
 from calstation.reports import label_template, print_label, print_labels
 from calstation.reports.label import label_fields, qr_code
 from calstation.results import Result, load_result
 from tests.helpers import raises_code, write_log_of
 from tests.issued_records import issue_in_records
-from tests.records.records_samples import META
+from tests.records.records_samples import META, make_block
 from tests.reports.test_fonts import RARE, fonts_of, write_font
 from tests.site_folder import BENCH, PRODUCT, STATION
 
@@ -327,3 +330,45 @@ def test_label_of_a_simulated_run_says_so(site: Path, stated: bool) -> None:
         connection, _ = server.accept()
         with connection, connection.makefile("rb") as stream:
             assert stream.read().decode() == "^XA^FDSN-000042 SIMULATED^FS^XZ"
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [("en", "no longer contains the registers of this run"), ("zh_CN", "中已不是本次标定写入的寄存器值")],
+)
+def test_label_of_a_run_whose_registers_were_replaced_says_so(site: Path, code: Language, words: str) -> None:
+    use_template(site, "label.typ", "#set page(width: 50mm, height: 30mm)\n#sys.inputs.serial")
+    new = {"gyro_bias_x": 1.0}
+    path = write_result(site, registers={"new": new, "verified": True, "written_utc": RESULT["started_utc"]})
+    for value, purpose in ((1.0, ("run", "SN-000042_1.h5")), (2.0, ("hand", "other.h5"))):
+        assert print_labels(lambda *_, **__: None, [path], None).cautions == []
+        purposed = journal.Purpose("wang", *purpose)
+        made = journal.begin(site / "runs", "SN-000042", {"gyro_bias_x": 0.0}, {"gyro_bias_x": value}, purposed)
+        made.note(Step.COMMITTING)
+        made.close(Closing.DONE)
+    labels = print_labels(lambda *_, **__: None, [path], None)
+    assert (len(labels.pdfs), labels.errors) == (1, {})
+    (caution,) = labels.cautions
+    assert words in render(caution.code, caution.values, code).text
+    made.path.write_text("damaged\n", encoding="utf-8")
+    (caution,) = print_labels(lambda *_, **__: None, [path], None).cautions
+    assert caution.code == "journal.damaged"
+
+
+def test_no_label_is_printed_for_a_log_that_was_changed_after_the_run(site: Path) -> None:
+    use_template(site, "label.typ", "#set page(width: 50mm, height: 30mm)\n#sys.inputs.serial")
+    path = site / "runs" / "SN-000042_1.json"
+    log, sha256 = path.with_suffix(".h5"), ""
+    for _ in range(2):  # the result contains the digest of the samples
+        path.write_text(json.dumps({**RESULT, "log": {**RESULT["log"], "sha256": sha256}}), encoding="utf-8")
+        log.unlink(missing_ok=True)
+        writer = RawLogWriter(log, LogMeta.model_validate(META))
+        writer.append(make_block("rate", 0, 50))
+        writer.add_result(json.loads(path.read_text("utf-8")))
+        writer.close("passed")
+        sha256 = open_log(log).facts().sha256
+    assert print_label(lambda *_: None, path, None) is not None
+    with h5py.File(log, "r+") as file:
+        file["samples"][3:5] = file["samples"][4:6]
+    with raises_code(InputError, "label.log_changed"):
+        print_label(lambda *_: None, path, None)

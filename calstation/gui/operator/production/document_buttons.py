@@ -156,6 +156,7 @@ class LabelButton(_DocumentButton):
 
     def _printed(self, printed: PrintedLabels) -> None:
         pdfs, errors = printed.pdfs, dict(printed.errors)
+        kind = "caution" if printed.cautions else "good"
         saved = pdfs[0].parent if len(pdfs) > 1 else pdfs[0] if pdfs else None  # several are printed from their folder
         if saved is not None and not _opens(saved):
             why = Text.of("operator.label_not_opened", file=saved)
@@ -163,9 +164,10 @@ class LabelButton(_DocumentButton):
         serials = self._end_printing(errors)
         if saved is not None and serials:
             code = "operator.labels_saved" if len(pdfs) > 1 else "operator.label_saved"
-            self._notice.inform("good", code, lambda: str(saved), self._then)
+            self._notice.inform(kind, code, lambda: "\n".join([*map(say, printed.cautions), str(saved)]), self._then)
         elif serials:
-            self._notice.ask("good", Text.of("operator.labels_printed", serials=serials), "")
+            title = Text.of("operator.labels_printed", serials=serials)
+            self._notice.ask(kind, title, lambda: "\n".join(map(say, printed.cautions)))
         self._then()
 
     def _end_printing(self, errors: Mapping[Path, Text]) -> list[str]:
