@@ -230,7 +230,7 @@ def test_command_line_lists_finishes_and_restores_transfers(
     code, text = run("list", "--out", str(bench.runs))
     assert code == 0
     assert "OPEN" in text()
-    assert "1 flash cycles" in text()
+    assert "1 flash cycle" in text()
     assert f"  {register_journal.history(bench.runs, SERIAL)[0].id}  OPEN" in text()
     assert run_app(["registers", "finish", SERIAL, *files, "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["registers"] == dict(entry.new)

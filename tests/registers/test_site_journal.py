@@ -71,7 +71,7 @@ def test_different_runs_folders_share_the_journal(
     opened.close(Closing.KEPT)
 
     assert run_app(["registers", "list", SERIAL, "--out", str(tuesday)]) == 0
-    assert f"unit {SERIAL} on hardware, 1 flash cycles" in capsys.readouterr().out
+    assert f"unit {SERIAL} on hardware, 1 flash cycle" in capsys.readouterr().out
     with raises_code(InputError, "transfer.none_known") as unknown:
         RegisterOperations(replace(hardware, serial="SN-000077")).do("restore")
     assert unknown.value.values == {"folder": str(home), "serial": "SN-000077"}

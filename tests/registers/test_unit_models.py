@@ -214,7 +214,7 @@ def test_hardware_and_simulated_units_are_listed_separately(
     assert run_app(["registers", "list", "--out", str(journal_site.runs)]) == 0
     output = capsys.readouterr().out
     assert f"unit {SERIAL} on hardware, 2 flash cycles" in output
-    assert f"unit {SERIAL} on the virtual bench, 1 flash cycles" in output
+    assert f"unit {SERIAL} on the virtual bench, 1 flash cycle" in output
     assert f"a bench-imu, with IMU profile '{MEMS}' of product 'MEMS grade C'" in output
     assert run_app(["registers", "list", SERIAL, "--out", str(journal_site.runs), "--json", "-"]) == 0
     listed = json.loads(capsys.readouterr().out)[SERIAL]
