@@ -170,6 +170,27 @@ def test_operator_reads_no_file_and_key_of_a_fault(operator: Operator, site_fold
     assert not _TECHNICAL.search(text.sentences)
 
 
+@pytest.mark.parametrize(
+    ("code", "start", "remedy"),
+    [
+        ("en", "Confirmation of the site: The site (latitude", "Ask an engineer to verify these values and to confirm"),
+        ("zh_CN", "站址确认：尚未在本机确认站址", "请工程师核实这些数值，并在“工位”页确认站址。"),
+    ],
+)
+def test_operator_reads_that_an_engineer_verifies_and_confirms_the_site(
+    operator: Operator, code: str, start: str, remedy: str
+) -> None:
+    operator.window.app.set_language(code)
+    values = {"latitude": 31.2, "longitude": 121.5, "height": 12.0, "key": "host: 31.2"}
+    for name, more in (("not_confirmed", {}), ("confirmed_elsewhere", {"confirmed": "host: 30"})):
+        what = Text.of("entry.at", field="site.confirmed_on", what=Text.of(f"site.{name}", **values, **more))
+        fault = Fault("", "", 2, "entry.in_file", {"file": "/srv/line_7.toml", "what": what})
+        text = operator.window.operator_page._verdict._fault_text(fault)
+        assert text.text.startswith(start)
+        assert text.remedy.startswith(remedy)
+        assert not _TECHNICAL.search(text.sentences)
+
+
 #: Words of remedies that only engineers understand.
 _FOR_ENGINEERS = re.compile(
     r"profile|station file|product file|\b[a-z]+_[a-z]+\b|\[[a-z]+\]|\bbaud\b|parity|calstation [a-z]"

@@ -30,6 +30,9 @@ _ABOUT_FILES = frozenset(
     for name in names
 )
 
+#: Messages about a site that an engineer has to verify and confirm.
+_UNCONFIRMED = ("site.not_confirmed", "site.confirmed_elsewhere")
+
 #: Badge shape (`widgets.badge.KINDS`) of each state and outcome of a run.
 KINDS = {
     "idle": "none",
@@ -123,7 +126,12 @@ def for_operator(message: Text) -> Text | None:
 
 
 def engineer_corrects(message: Text) -> Text:
-    """Return the remedy of a message about an entry of a file: where an engineer corrects it."""
+    """Return the remedy of a message about an entry of a file: where an engineer corrects it, or confirms the site."""
+    what = message
+    while what.code in _ABOUT_FILES and isinstance(inner := what.values["what"], Text):
+        what = inner
+    if what.code in _UNCONFIRMED:
+        return Text("advice.engineer_confirms_site")
     file = Path(str(message.values.get("file", "")))
     if file.parent.name == "products":
         return Text.of("advice.engineer_corrects_product", product=file.stem)
