@@ -10,7 +10,9 @@ from calstation.config import library
 from calstation.jobs import JobQueue
 from calstation.messages import Language
 from calstation.messages.rendering import render
+from calstation.results import History
 from calstation.sequencer import StateChanged
+from tests.database.result_files import write_result
 from tests.gui.conftest import Operator
 from tests.gui.test_operator_events import end_run, simulated_run
 from tests.gui.test_units import FAILED, NO_ANSWER, use_slots
@@ -96,7 +98,7 @@ def test_question_before_a_start_replaces_the_message_about_enter(
     assert "Enter" in operator.message
     operator.press("start_button")
     assert operator.widget("cancel_choice", QPushButton).isVisible()
-    assert operator.message == "Load a unit, scan its serial number, and press START."
+    assert operator.message == "Answer the question above first."
 
 
 @pytest.mark.long
@@ -147,3 +149,37 @@ def test_a_notice_does_not_move_the_buttons_of_a_verdict(simulated_run: Operator
     operator.qtbot.wait(100)
     assert details.mapTo(window, QPoint()) == before
     assert details.visibleRegion().boundingRect() == details.rect()
+
+
+@pytest.mark.parametrize("page", ["operator_page", "engineer_page"])
+@pytest.mark.parametrize(
+    ("code", "answer", "ready", "not_ready"),
+    [
+        ("en", "Answer the question above first.", "READY", "NOT READY"),
+        ("zh_CN", "请先回答上面的问题。", "可以开始", "未就绪"),
+    ],
+)
+def test_question_before_a_start_is_answered_first(
+    operator: Operator, page: str, code: str, answer: str, ready: str, not_ready: str
+) -> None:
+    prefix = "engineer_" if page == "engineer_page" else ""
+    runs = operator.site_folder.runs
+    runs.mkdir()
+    write_result(runs, "SN-000042_1", 1, serial="SN-000042", product="short")
+    History(runs).refresh()
+    operator.window.app.set_language(code)
+    operator.window.app.role.set_first_pin("246813")
+    operator.window.show_page(page)
+    edit, start = operator.widget(f"{prefix}serial_edit"), operator.widget(f"{prefix}start_button")
+    edit.clear()
+    operator.qtbot.keyClicks(edit, "SN-000042")
+    operator.press(f"{prefix}start_button")
+    lines = operator.says().split("\n")
+    assert answer in lines
+    assert not_ready in lines
+    assert ready not in lines
+    assert not start.isEnabled()
+    assert start.toolTip() == answer
+    operator.press("cancel_choice")
+    assert answer not in operator.says()
+    assert start.isEnabled()

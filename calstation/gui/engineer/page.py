@@ -132,6 +132,7 @@ class EngineerPage(Page):
         self.registers.watch.busy_changed.connect(self._start_dialog.drop)
         self.notice.report_failures(self.analysis.adding, "engineer.log_not_solved", self.analysis.result.setFocus)
         self.registers.changed.connect(self._update)
+        self.notice.changed.connect(self._update)
         self._tabs.currentChanged.connect(self._views.setCurrentIndex)
         self._views.currentChanged.connect(lambda _: self.analysis.prepare(self._views.currentWidget()))
         self._views.currentChanged.connect(lambda _: self._show_other_unit())
@@ -399,7 +400,8 @@ class EngineerPage(Page):
             enable(edit, busy)
         badge = say("operator.sign_in") if self.app.badge_required else ""
         unusable = run.why_no_run(engineer=self.app.role.engineer)
-        why_not = problem or waits or device or choice or unusable or badge or self._why_no_unit()
+        asking = say("operator.answer_first") if self._start_dialog.asking else ""
+        why_not = problem or waits or device or choice or unusable or badge or asking or self._why_no_unit()
         self._header.show_next_run(why_not, say("engineer.pass_writes") if writes else "")
         self.choice.lock(busy, role, name or self._why_not_save(), new_pin=self.app.role.new)
         enable(self.preview.button, problem or choice)

@@ -262,8 +262,10 @@ class RunStarter(QObject):
 
     @property
     def asking(self) -> bool:
-        """Whether a question about an interrupted run or transfer is open, which must be answered before START."""
-        return any(self._notice.offers(f"{answer}_choice") for answer in ("later", "restore", "anew"))
+        """Whether a question is open that must be answered before START, also about an interrupted run or transfer."""
+        return self.dialog.asking or any(
+            self._notice.offers(f"{answer}_choice") for answer in ("later", "restore", "anew")
+        )
 
     @property
     def asking_about_units(self) -> bool:
