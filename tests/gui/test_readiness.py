@@ -183,3 +183,28 @@ def test_question_before_a_start_is_answered_first(
     operator.press("cancel_choice")
     assert answer not in operator.says()
     assert start.isEnabled()
+
+
+@pytest.mark.parametrize(
+    ("code", "filled", "enter", "keep", "scan"),
+    [
+        ("en", "A serial number is filled in", "Enter a serial number", "Keep the suggested", "Scan serial numbers"),
+        ("zh_CN", "序列号已经填好", "输入序列号", "可保留建议的序列号", "请扫描符合产品规则的序列号"),
+    ],
+)
+def test_steps_call_a_number_filled_in_only_while_it_is_in_the_field(
+    operator: Operator, code: str, filled: str, enter: str, keep: str, scan: str
+) -> None:
+    operator.window.app.set_language(code)
+    assert filled in operator.says()
+    operator.widget("serial_edit", QLineEdit).clear()
+    assert filled not in operator.says()
+    assert enter in operator.says()
+    operator.qtbot.keyClicks(operator.widget("serial_edit"), "SN-000042")
+    assert filled in operator.says()
+    operator.widget("serial_edit", QLineEdit).clear()
+    use_slots(operator, 2)
+    assert keep in operator.says()
+    operator.window.operator_page._starting.slots.remove_units()
+    assert keep not in operator.says()
+    assert scan in operator.says()

@@ -64,7 +64,7 @@ class Loading(QFrame):
     def __init__(self) -> None:
         super().__init__()
         self.setProperty("kind", "panel")
-        self._situation, self._in_chamber, self._serial = "driven", False, ""
+        self._situation, self._in_chamber, self._serial, self._entered = "driven", False, "", ""
         self.picture, self.rails, self.fixture = TablePicture(), PositionPicture(), FixturePicture()
         for picture in (self.picture, self.rails, self.fixture):
             picture.setMinimumSize(30 * theme.GRID, 30 * theme.GRID)
@@ -109,11 +109,21 @@ class Loading(QFrame):
             self._situation = f"virtual_{table}" if run_summary.virtual else table
         self._refresh()
 
+    def show_serial(self, entered: str) -> None:
+        """Show whether a serial number is in the field."""
+        if entered != self._entered:
+            self._entered = entered
+            self._refresh()
+
     def _refresh(self) -> None:
         for number, (title, text) in enumerate(zip(self._titles, self._texts, strict=True), start=1):
             chamber = self._in_chamber and number == _CHAMBER_STEPS.get(self._situation)
             step = rendered(Text(f"loading.{self._situation}_{'chamber' if chamber else number}"))
-            if self._serial and number == _SERIAL_STEP:
-                step = rendered(Text.of("loading.virtual_fixed_serial", serial=self._serial))
+            if self._situation.startswith("virtual") and number == _SERIAL_STEP:
+                if self._serial:
+                    entered = "fixed" if self._entered == self._serial else "enter_fixed"
+                    step = rendered(Text.of(f"loading.virtual_{entered}_serial", serial=self._serial))
+                elif not self._entered:
+                    step = rendered(Text("loading.virtual_no_serial"))
             title.setText(step.text)
             text.setText(step.remedy)

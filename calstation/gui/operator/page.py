@@ -159,6 +159,7 @@ class OperatorPage(Page):
         for entered in (header.serial_entered, header.serial_edited, header.start_pressed):
             entered.connect(self._show_readiness)
         header.serial_edit.textChanged.connect(self._show_readiness)
+        header.serial_edit.textChanged.connect(lambda text: self._loading.show_serial(text.strip()))
         header.serial_edited.connect(self._documents.dismiss)
         app.port_watch.stopped.connect(lambda notice: ask(self._documents, "stopped", notice, {}))
         app.port_watch.freed.connect(self._acknowledge)

@@ -135,7 +135,8 @@ class SlotsPanel(QFrame):
                 tile.clicked.connect(self.clicked)
                 tile.action.clicked.connect(self.clicked)
             arrange(self._grid, self._tiles)
-        words = rendered(Text(f"loading.slots_{self._situation}"))
+        kept = self._situation != "virtual" or any(slot.suggested for slot in self._slots)
+        words = rendered(Text(f"loading.slots_{self._situation}{'' if kept else '_empty'}"))
         self._title.setText(words.text)
         shown = say("operator.last_units_shown") if any(slot.last for slot in self._slots) else ""
         self._text.setText(joined(words.remedy, shown, language.current()))
