@@ -3,6 +3,7 @@
 from itertools import combinations, pairwise, product
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import patch
 
 import numpy as np
 import pyqtgraph as pg
@@ -14,7 +15,8 @@ from pytestqt.qtbot import QtBot
 from calstation.gui.engineer.diagnostics_views import ResidualsView
 from calstation.gui.quality.study_plots import StudyCharts, StudyValues
 from calstation.gui.text import language
-from calstation.gui.widgets import ThemedPlot, apart, theme
+from calstation.gui.widgets import ThemedPlot, apart, spread, theme
+from calstation.gui.widgets import plot as plot_module
 from calstation.gui.widgets.plot import LineLabel, LineLabels, NumberAxis
 from calstation.results import Diagnostics
 
@@ -125,6 +127,24 @@ def test_leader_lines_do_not_look_like_curves(qtbot: QtBot) -> None:
     drawn = {image.pixelColor(x, y).name() for x in range(10) for y in range(image.height())}
     assert len(drawn) > 1, "there are leader lines"
     assert not {"#ff0000", "#0000ff"} & drawn
+
+
+def test_labels_of_curves_without_space_are_left_out_those_of_reached_targets_first(qtbot: QtBot) -> None:
+    theme.apply("light")
+    labels, black = LineLabels(80), QColor("#000000")
+    qtbot.addWidget(labels)
+    target = LineLabel(20.0, "target", black, bold=True)
+    reached = LineLabel(25.0, "reached", black, "good")
+    active = [LineLabel(22.0 + i, f"active {i}", black) for i in range(3)]
+    labels.show_labels([target, reached, *active])
+    labels.resize(80, 200)
+    with patch.object(plot_module, "spread", wraps=spread) as spreading:
+        for height, shown in ((200, [target, *active, reached]), (76, [target, *active]), (40, [target, active[0]])):
+            labels.resize(80, height)
+            labels.grab()
+            assert spreading.call_args.args[0] == [label.y for label in shown]
+            drawn = spread(*spreading.call_args.args)
+            assert min(np.diff(drawn)) >= theme.BODY
 
 
 def test_names_of_axes_do_not_overlap_on_a_drawing() -> None:

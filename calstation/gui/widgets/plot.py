@@ -443,13 +443,19 @@ class LineLabels(QWidget):
             self._labels = ordered
             self.update()
 
+    def _fitting(self, count: int) -> list[LineLabel]:
+        """Return at most `count` labels in their order; those with the symbol of a state are left out first."""
+        by_importance = sorted(self._labels, key=lambda label: (bool(label.state), not label.bold))
+        return sorted(by_importance[:count], key=lambda label: label.y)
+
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Draw the labels and leader lines."""
+        """Draw the labels and leader lines, as many as do not overlap."""
         painter = theme.painter(self)
         line = theme.BODY + 4.0
         half = line / 2
-        positions = spread([label.y for label in self._labels], line, half, self.height() - half)
-        for label, y in zip(self._labels, positions, strict=True):
+        labels = self._fitting(max(int(self.height() // line), 1))
+        positions = spread([label.y for label in labels], line, half, self.height() - half)
+        for label, y in zip(labels, positions, strict=True):
             painter.setPen(QPen(QColor(theme.colours().line), 1, Qt.PenStyle.DotLine))  # unlike the curves
             painter.drawLine(QPointF(0, label.y), QPointF(_LEADER_WIDTH - 6, y))
             left = float(_LEADER_WIDTH)
