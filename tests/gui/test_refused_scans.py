@@ -99,6 +99,22 @@ def test_refused_number_at_a_station_for_one_unit_stays_disabled_until_edited(
     assert started == []
 
 
+@pytest.mark.parametrize(
+    ("language", "remedy"),
+    [
+        ("en", "SN-000101 does: check Caps Lock, and scan the unit again."),
+        ("zh_CN", "SN-000101 则符合：请检查大写锁定键，再重新扫描。"),
+    ],
+)
+def test_number_that_only_its_case_makes_invalid_is_refused_with_caps_lock(
+    operator: Operator, language: str, remedy: str
+) -> None:
+    operator.window.app.set_language(language)
+    operator.scan("sn-000101")
+    assert remedy in operator.says()
+    assert not operator.widget("start_button").isEnabled()
+
+
 def test_refused_number_is_dropped_when_failed_units_are_calibrated_again(
     operator: Operator, started: list[RunRequest]
 ) -> None:

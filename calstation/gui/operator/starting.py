@@ -28,6 +28,7 @@ from calstation.sound import play
 #: Note next to the serial field by the reason why a scan is refused.
 _NOTES = {
     "question.invalid_serial": "operator.not_valid",
+    "question.wrong_case": "operator.not_valid",
     "question.two_serials": "operator.not_valid",
     "question.missing_serial": "operator.missing",
     "question.serial_twice": "operator.twice",
@@ -349,6 +350,8 @@ class RunStarter(QObject):
             refusal = Text.of("question.two_serials", serial=header.serial)
         elif header.serial and self._valid(header.serial):
             refusal = slots.refusal(header.serial) if slots else None
+        elif header.serial and self._valid(other := header.serial.swapcase()):
+            refusal = Text.of("question.wrong_case", serial=header.serial, other=other)
         self.refused = refusal
         if refusal is not None:
             header.note_serial(say(_NOTES[refusal.code]), accepted=False)
