@@ -41,6 +41,7 @@ from calstation.sequencer import (
     TableMoved,
 )
 from tests.check_rows import check_row
+from tests.database.result_files import write_result
 from tests.dead_logs import write_dead_log
 from tests.gui.conftest import RESULT, SERIAL, Operator
 from tests.open_transfers import WRITTEN, write_open_transfer
@@ -1333,3 +1334,19 @@ def test_run_closed_by_its_operator_is_shown_as_closed_and_not_resumed(
     operator.scan(SERIAL)
     assert operator.window.findChild(QPushButton, "resume_choice") is None
     assert operator.widget("start_button").isEnabled()
+
+
+@pytest.mark.parametrize(
+    ("language", "void"), [("en", "its old label is void. Remove it."), ("zh_CN", "旧标签已失效，请撕下。")]
+)
+@pytest.mark.parametrize("before", ["passed", "failed"])
+def test_old_label_of_a_unit_that_fails_after_it_passed_is_void(
+    simulated_run: Operator, language: str, void: str, before: str
+) -> None:
+    runs = simulated_run.window.app.runs_folder
+    runs.mkdir(exist_ok=True)
+    write_result(runs, f"{SERIAL}_1", 1, serial=SERIAL, outcome=before)
+    simulated_run.window.app.history().refresh()
+    simulated_run.window.app.set_language(language)
+    end_run(simulated_run, "failed")
+    assert (void in simulated_run.says()) == (before == "passed")

@@ -35,6 +35,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.messages import Rendered, entry, event_text, joined, known
+from calstation.records import Verdict
 from calstation.results import Result, load_run_result
 from calstation.sequencer import Fault, Finalized
 
@@ -145,6 +146,7 @@ class VerdictPanel(QFrame):
         self._run = app.run
         self._finalized: Finalized | None = None
         self._fault: Fault | None = None
+        self._passed_before = False  #: Whether the unit passed a run before it failed.
         #: Number of figures, and size of the texts, px.
         self._figure_count = self._shown_size = 0
         self._banner, self._figures = Banner("verdict", _MIN_BANNER), FiguresTable(theme.SECTION)
@@ -193,6 +195,8 @@ class VerdictPanel(QFrame):
         if unit.finalized is not self._finalized:
             self._finalized = unit.finalized
             file = None if unit.finalized is None else Path(unit.finalized.result_file)
+            failed = unit.finalized is not None and unit.finalized.verdict is Verdict.FAILED
+            self._passed_before = failed and self._app.history().passed_before(unit.serial) is not None
             judged = unit.finalized is not None and unit.finalized.verdict.judged  # another run may follow otherwise
             for button in (self.label_button, self.certificate_button):
                 button.offer(unit.result if judged else None, file)
@@ -292,7 +296,9 @@ class VerdictPanel(QFrame):
         remarks = dict.fromkeys(say(event_text(*remark)) for remark in unit.remarks)
         shown = result if text is None else None
         figures = [] if shown is None else advice.figures(shown)
-        notes = filter(None, (advice.figures_note(result) if figures else "", *advice.result_notes(result), *remarks))
+        void = say("advice.old_label_void") if self._passed_before and not released else ""
+        note = advice.figures_note(result) if figures else ""
+        notes = filter(None, (void, note, *advice.result_notes(result), *remarks))
         for widget, content in (
             (self._source, say("operator.where", source=text.source) if text and text.source else ""),
             (self.action_label, self.next_action()),
