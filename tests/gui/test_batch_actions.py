@@ -439,7 +439,7 @@ def test_labels_of_all_runs_are_kept_until_they_are_printed(
     first, second = passed
     operator.window.app.set_language("zh_CN")
     assert f"标签未打印：{first}、{second}" in operator.says()
-    assert operator.says().count("可在“历史”页面对应的标定中打印") == 1
+    assert operator.says().count("可在“历史记录”页对应的标定中打印") == 1
     operator.window.app.set_language("en")
     assert "print it from the run on the History page" in operator.says()
     operator.press("print_again_button")
