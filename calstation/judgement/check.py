@@ -22,6 +22,11 @@ class Where:
     to: int | None = None  #: Number of the rest after the motions.
 
     @property
+    def number(self) -> str:
+        """The number of the rest for people, who count from 1; "" without a rest."""
+        return "" if self.rest is None else str(self.rest + 1)
+
+    @property
     def rests(self) -> Text | None:
         """The rests for people, who count them from 1; None without a rest."""
         if self.rest is None:

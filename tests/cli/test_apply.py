@@ -47,6 +47,24 @@ def test_every_rest_is_shown_before_and_after_correction(calstation: Run, log: P
     assert shown["rms"]["rate_after"] == pytest.approx(RATE, rel=0.2)
 
 
+def test_rests_are_those_of_the_stages_with_the_numbers_of_the_checks(calstation: Run, log: Path, result: Path) -> None:
+    rows = log.read_text(encoding="utf-8").splitlines()
+    head, samples = rows[0], [row.split(",") for row in rows[1:]]
+    loose = [[*row[:-2], "", "0"] for row in samples[:150]]  # a rest before the first stage, tilted a little
+    for row in loose:
+        row[head.split(",").index("accel_x")] = "2000000"
+    for k, row in enumerate(both := [*loose, *samples]):
+        row[:2] = [str(k), f"{(k + 1) / 50:.2f}"]
+    log.write_text("\n".join([head, *(",".join(row) for row in both)]) + "\n", encoding="utf-8")
+    shown = calstation("apply", result, log, "--json", "-").json
+    assert [(rest["stage"], rest["rest"]) for rest in shown["rests"]] == [("six_position", k) for k in range(6)]
+    assert shown["rests"][0]["start_s"] >= 3.0
+    assert shown["max"]["force_after"] < 1e-3
+    lines = [line.split() for line in calstation("apply", result, log).out.splitlines()]
+    assert [line[0] for line in lines if len(line) == 7 and line[0].isdigit()] == [str(k) for k in range(1, 7)]
+    assert ["Six", "positions"] in lines
+
+
 def test_corrected_samples_are_written_in_si_units(calstation: Run, log: Path, result: Path, tmp_path: Path) -> None:
     corrected = tmp_path / "corrected.csv"
     assert calstation("apply", result, log, "-o", corrected).code == 0

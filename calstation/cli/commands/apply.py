@@ -10,7 +10,7 @@ from rich.console import Console
 
 from calstation.cli.options import JsonOption, ProductOption, StationOption, command_group, document_file
 from calstation.cli.show import emit_json, ignore_progress, new_table, plain_console, show_line, three_digits
-from calstation.cli.text import say
+from calstation.cli.text import say, term
 from calstation.connection import OtherUnit, read_unit
 from calstation.errors import ConfigurationError
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G, NAMES, FloatArray
@@ -20,6 +20,8 @@ from calstation.results.plots import Applied, before_and_after, read_recording
 
 #: JSON name of each quantity in the table of results at rest, and the size of its display unit.
 _QUANTITIES = (("force", MICRO_G), ("rate", DEGREE_PER_HOUR))
+#: Width of the column of rests, in which the names of stages wrap.
+_STAGE_WIDTH = 10
 
 
 app = command_group()
@@ -102,7 +104,7 @@ def _json(applied: Applied, errors: FloatArray) -> dict[str, object]:
         "serial": applied.serial,
         "corrected": applied.corrected,
         "rests": [
-            {"start_s": start, "end_s": end, **row(errors[:, k])}
+            {**applied.where[k].to_json(), "start_s": start, "end_s": end, **row(errors[:, k])}
             for k, (start, end) in enumerate(applied.rests.tolist())
         ],
         **{name: row(values) for name, values in _summary(errors).items()},
@@ -114,14 +116,22 @@ def _show(out: Console, applied: Applied, errors: FloatArray) -> None:
         say("cli.unit_at_rest", serial=applied.serial),
         *("cli.column_rest_number", "cli.column_from", "cli.column_to"),
         *(f"cli.column_{quantity}_{when}" for quantity, _ in _QUANTITIES for when in ("before", "after")),
+        padding=(0, 1, 0, 0),
     )
+    table.columns[0].no_wrap, table.columns[0].min_width = False, _STAGE_WIDTH
 
     def cells(values: FloatArray) -> list[str]:
         sizes = np.array([[size] for _, size in _QUANTITIES])
         return [three_digits(value) for value in (values / sizes).ravel()]
 
+    stage = ""
     for k, (start, end) in enumerate(applied.rests.tolist()):
-        table.add_row(str(k), f"{start:.1f}", f"{end:.1f}", *cells(errors[:, k]))
+        where = applied.where[k]
+        if where.stage != stage:
+            stage = where.stage
+            table.add_section()
+            table.add_row(term("stage", stage))
+        table.add_row(where.number, f"{start:.1f}", f"{end:.1f}", *cells(errors[:, k]))
     table.add_section()
     for name, values in _summary(errors).items():
         table.add_row(say(f"cli.{name}_at_rest"), "", "", *cells(values))

@@ -10,7 +10,9 @@ import numpy as np
 from calstation.errors import InsufficientDataError
 from calstation.estimation.common import (
     SHORTEST_REST,
+    ImuModel,
     SampleBlock,
+    StageData,
     compensated_means,
     find_stillness,
     join_blocks,
@@ -18,6 +20,7 @@ from calstation.estimation.common import (
     stage_data,
 )
 from calstation.jobs import ProgressCallback
+from calstation.judgement import Where
 from calstation.physics import NAMES, RATE, FloatArray, compensate, compensation
 from calstation.records import Correction, LogMeta, context_from_meta, open_log
 from calstation.results.sections import Parameter
@@ -41,6 +44,7 @@ class Applied:
     rate_before: FloatArray  #: Magnitude of the mean rate with the previous parameters, rad/s, shape (k,).
     rate_after: FloatArray  #: Magnitude of the mean rate with the new parameters, rad/s, shape (k,).
     rests: FloatArray  #: Start and end of each rest, s, shape (r, 2).
+    where: tuple[Where, ...]  #: Stage and number of each rest, as in the checks.
     rest_length: FloatArray  #: Mean force error of each rest, before and after, m/s², shape (r, 2).
     rest_rate: FloatArray  #: Mean rate of each rest, before and after, rad/s, shape (r, 2).
     length_rms: tuple[float, float]  #: Rms force error over all rests, before and after, m/s².
@@ -93,6 +97,8 @@ class ImuOutput:
     def applied(self, before: FloatArray, after: FloatArray, over: TemperatureResult | None = None) -> Applied:
         """Apply parameters before and after a solution, SI, shape (30,) each; corrected output is left unchanged.
 
+        The rests are those of the stages, which the checks use; those of all samples if none belongs to a stage.
+
         Raises InsufficientDataError if the unit never rests, and InputError if the parameters `over` temperature do not
         cover a sample.
         """
@@ -106,7 +112,11 @@ class ImuOutput:
             raw = block.counts * context.imu.count_size
             rate, force = self.correction(after, over)(raw[:, :3], raw[:, 3:], block.temperature)
             block_after, after = replace(block, counts=np.hstack([rate, force]) / context.imu.count_size), 0.0 * after
-        rests = find_stillness(data, context.imu).rests
+        rests = [
+            (part, Where(stage=stage, rest=k), a, b)
+            for stage, part in self._stage_data(context.imu).items()
+            for k, (a, b) in enumerate(find_stillness(part, context.imu).rests)
+        ]
         if not rests:
             error = InsufficientDataError("solution.never_at_rest", shortest=SHORTEST_REST, seconds=len(data) * data.dt)
             if self.path is None:
@@ -119,11 +129,11 @@ class ImuOutput:
         curves = [compensated_means(b, context.imu, p, stride) for b, p in pairs]
         start = float(data.time[0])
         lengths, rates = [], []
-        for a, b in rests:
-            first, last = int(block.seq.searchsorted(data.seq[a])), int(block.seq.searchsorted(data.seq[b - 1]))
-            rests_of = [(b.part(first, last + 1).counts * context.imu.count_size, p) for b, p in pairs]
+        for part, _, a, b in rests:
+            first, last = (int(block.seq.searchsorted(part.seq[k])) for k in (a, b - 1))
+            rests_of = [(samples.part(first, last + 1).counts * context.imu.count_size, p) for samples, p in pairs]
             # the same mean force as in the solution, which motion of the table hardly changes
-            weights = rest_weights(data, context, a, b)
+            weights = rest_weights(part, context, a, b)
             means = [
                 compensate(compensation(p), raw[:, :3].mean(axis=0, keepdims=True), weights[None] @ raw[:, 3:])
                 for raw, p in rests_of
@@ -139,7 +149,8 @@ class ImuOutput:
             length_after=np.linalg.norm(curves[1][1], axis=1) - gravity,
             rate_before=np.linalg.norm(curves[0][0], axis=1),
             rate_after=np.linalg.norm(curves[1][0], axis=1),
-            rests=np.array([[data.time[a] - start, data.time[b - 1] - start] for a, b in rests]),
+            rests=np.array([[part.time[a] - start, part.time[b - 1] - start] for part, _, a, b in rests]),
+            where=tuple(where for _, where, _, _ in rests),
             rest_length=np.array(lengths),
             rest_rate=np.array(rates),
             length_rms=(float(length_rms[0]), float(length_rms[1])),
@@ -147,6 +158,11 @@ class ImuOutput:
             corrected=self.corrected,
             named=self.named,
         )
+
+    def _stage_data(self, imu: ImuModel) -> dict[str, StageData]:
+        """Return the samples of each stage; all samples as the stage "" if none belongs to a stage."""
+        stages = list(dict.fromkeys(block.stage for block in self.blocks if block.stage)) or [""]
+        return {stage: stage_data([b for b in self.blocks if b.stage == stage], imu) for stage in stages}
 
 
 def read_recording(path: Path, registers: Mapping[str, float]) -> ImuOutput:
