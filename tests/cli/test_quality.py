@@ -42,6 +42,13 @@ def test_tables_show_yield_failed_checks_and_charts_of_every_product(calstation:
     assert "…" not in done.out  # nothing is cut off
 
 
+def test_every_option_has_a_default(calstation: Run, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder.parent)
+    done = calstation("quality")
+    assert done.code == 0, done.err
+    assert "passed in the first run" in done.out
+
+
 def test_parameter_of_a_product_since_a_date_is_written_as_json(calstation: Run, folder: Path) -> None:
     options = ("--product", "nav_a", "--parameter", "accel_scale_x", "--since", "2026-05-01")
     found = calstation("quality", "--out", folder, *options, "--json", "-").json

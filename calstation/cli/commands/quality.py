@@ -73,7 +73,7 @@ ParameterOption = Annotated[str | None, typer.Option(metavar="NAME")]
 app = command_group()
 
 
-@app.callback(invoke_without_command=True)
+@app.callback(invoke_without_command=True, no_args_is_help=False)
 def quality(
     context: typer.Context,
     product: ProductOption = None,
