@@ -201,6 +201,29 @@ def test_largest_change_is_relative_to_the_expected_change(journal_site: Journal
     assert largest(NAV) is None
 
 
+@pytest.mark.parametrize(
+    ("language", "texts"),
+    [
+        ("en", ("by Kim, written by hand with the values of SN-1.csv", ", written by hand\n", "restored from a.csv")),
+        ("zh_CN", ("操作者 Kim，手动写入 SN-1.csv 的值", "，手动写入\n", "恢复自 a.csv")),
+    ],
+)
+def test_list_states_why_registers_were_written(
+    journal_site: JournalSite,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    language: str,
+    texts: tuple[str, ...],
+) -> None:
+    monkeypatch.setattr("calstation.cli.text.LANGUAGE", language)
+    for by, why, source in (("Kim", "hand", "SN-1.csv"), (None, "hand", ""), (None, "restore", "a.csv")):
+        purpose = register_journal.Purpose(by, why, source, journal_site.own)
+        register_journal.begin(journal_site.runs, SERIAL, {}, {}, purpose).close(Closing.KEPT)
+    assert run_app(["registers", "list", "--out", str(journal_site.runs)]) == 0
+    output = capsys.readouterr().out
+    assert all(text in output for text in texts)
+
+
 def test_hardware_and_simulated_units_are_listed_separately(
     journal_site: JournalSite, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

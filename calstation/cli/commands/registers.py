@@ -212,7 +212,8 @@ def _lines(unit: _UnitTransfers) -> Iterator[str]:
     yield say(f"cli.transfers_{unit.kind}", serial=unit.serial, cycles=unit.cycles)
     for t in unit.transfers:
         yield f"  {t.id}  {_closing_text(t)}"
-        reason = f"{t.why} {t.source}".rstrip()
+        by_values = t.why == "hand" and t.source
+        reason = say(f"cli.transfer_{t.why}{'_from' if by_values else ''}", source=t.source)
         yield "    " + say("cli.transfer_by" if t.by else "cli.transfer_at", utc=t.utc, by=t.by, reason=reason)
         if t.unit_type.profile:
             yield "    " + say("cli.transfer_unit", **asdict(t.unit_type))
