@@ -7,8 +7,9 @@ import pytest
 
 from calstation.bench.chamber import ChamberMachine, ChamberSettings
 from calstation.bench.truth import GRADES, GRID, ThermalSettings, UnitThermal
+from calstation.estimation import Diagnosis, ModelTest
 from calstation.estimation.common import ImuModel, Posterior, RestResiduals, SampleBlock
-from calstation.judgement import DataTests
+from calstation.judgement import Check, DataTests
 from calstation.judgement.data_tests import (
     MISSING_SAMPLES,
     _missing_samples,
@@ -16,6 +17,7 @@ from calstation.judgement.data_tests import (
     sample_clocks,
     temperature_coefficients,
 )
+from calstation.messages import Language, Text, sentence
 from calstation.records import context_from_meta
 from tests.thermal_results import thermal_meta
 
@@ -197,3 +199,18 @@ def test_values_that_differ_by_almost_nothing_are_no_error():
     counts = np.random.default_rng(1).normal(size=(4000, 6))
     counts[100], counts[101] = 0.0, 1e-310
     assert np.isfinite(_missing_samples(counts, np.ones(6), np.zeros(6), 100)).all()
+
+
+@pytest.mark.parametrize(
+    ("language", "check", "cause"),
+    [
+        ("en", "has changed little since the first stage", "since the start of the first stage, between 24.0 and 27.0"),
+        ("zh_CN", "自第一阶段起温度变化很小", "自第一阶段开始，温度变化了 3.0 °C（24.0 至 27.0 °C）"),
+    ],
+)
+def test_check_of_the_temperature_states_from_when_it_counts(language: Language, check: str, cause: str) -> None:
+    diagnosis = Diagnosis("temperature_changed", 3.0, unit="K", values={"low": 24.0, "high": 27.0})
+    assert check in sentence(Text.of("check.temperature", stage="azimuth_flip"), language)
+    failed = Check.of_model("azimuth_flip", ModelTest("temperature", 3.0, 2.0, "K", diagnosis))
+    assert failed.cause_text is not None
+    assert cause in sentence(failed.cause_text, language)
