@@ -164,7 +164,10 @@ def result_table(console: Console, result: Result) -> None:
         largest_sigma = "" if sigma_limit is None else limit_numbers(sigma_limit, size, row.sigma)[-1]
         value_text = compared_number(number(value, sigma), size, row.value, limit)
         sigma_text = compared_number(f"{sigma:.2g}", size, row.sigma, sigma_limit)
-        verdict = _verdict_text(name in result.undetermined, [c for c in (within, below) if c is not None])
+        parameter_checks = [c for c in (within, below) if c is not None]
+        verdict = _verdict_text(name in result.undetermined, parameter_checks)
+        if not verdict and name in result.not_compared:
+            verdict = say("cli.verdict_unjudged")
         table.add_row(name, value_text, sigma_text, unit, limits_text, largest_sigma, verdict)
     for column in (*table.columns[:3], table.columns[-1]):  # a narrow terminal shortens the others
         column.min_width = max((len(str(cell)) for cell in column.cells), default=0)

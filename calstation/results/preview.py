@@ -13,7 +13,7 @@ from calstation.config import RunConfiguration, RunRequest, check_manual_rig, lo
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common import PlannedSamples, profile
 from calstation.jobs import ProgressCallback
-from calstation.judgement import is_partial, undetermined
+from calstation.judgement import is_partial, undetermined, unobservable
 from calstation.messages import Text
 from calstation.physics import (
     JOINTS,
@@ -111,6 +111,8 @@ class Preview:
     step_labels: Mapping[int, tuple[str | float, ...]] = field(default_factory=dict)
     #: Parameters whose check the run fails, because its data do not determine them.
     undetermined: tuple[str, ...] = ()
+    #: Parameters known from the current calibration that the run does not improve, and so does not judge.
+    not_improved: tuple[str, ...] = ()
     partial: bool = False  #: Whether the run omits stages of the product.
     calibrated: bool = False  #: Whether the run starts from the current calibration of the unit.
 
@@ -169,6 +171,8 @@ class _Previewer:
             stages.append(stage)
         trajectory, limits = np.array(self._trajectory), self._geometry.limits
         chain, calibrated = self._chain, self._meta.calibrated
+        unknown = undetermined(chain.prior, chain.solutions, calibrated) if solve else []
+        not_observed = unobservable(chain.prior, chain.solutions) if solve else []
         return Preview(
             stages=tuple(stages),
             time=trajectory[:, 0],
@@ -180,7 +184,8 @@ class _Previewer:
             targets=self._targets(),
             travel=((limits.low[0], limits.high[0]), (limits.low[1], limits.high[1])),
             step_labels=self._labels,
-            undetermined=tuple(undetermined(chain.prior, chain.solutions, calibrated)) if solve else (),
+            undetermined=tuple(unknown),
+            not_improved=tuple(name for name in not_observed if name not in unknown),
             partial=is_partial(self._meta),
             calibrated=bool(calibrated),
         )

@@ -30,6 +30,31 @@ def test_result_is_shown_with_shares_of_its_limits(calstation: Run, tmp_path: Pa
     assert calstation("show", log).out == done.out
 
 
+@pytest.mark.parametrize(
+    ("language", "mark", "note"),
+    [
+        ("en", "not judged", "Not judged although they have a limit: accel_scale_x."),
+        ("zh_CN", "未判定", "有限差但未判定：accel_scale_x。"),
+    ],
+)
+def test_parameters_that_a_partial_run_did_not_judge_are_named(
+    calstation: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, language: str, mark: str, note: str
+) -> None:
+    path = tmp_path / "result.json"
+    calstation("resolve", write_log(tmp_path, six_position_rows(), meta=META + LIMITS), "--json", path)
+    content = json.loads(path.read_text(encoding="utf-8"))
+    content |= {"partial": True, "passed": True, "not_compared": ["accel_scale_x"], "unobservable": ["accel_scale_x"]}
+    content["calibration"] = {"log": "a.h5", "started_utc": "2026-01-01T00:00:00+00:00"}
+    content["calibration"]["not_improved"] = ["accel_scale_x"]
+    content["checks"] = [check for check in content["checks"] if "accel_scale_x" not in check["name"]]
+    path.write_text(json.dumps(content), encoding="utf-8")
+    monkeypatch.setattr("calstation.cli.text.LANGUAGE", language)
+    done = calstation("show", path)
+    (row,) = (line for line in done.out.splitlines() if "accel_scale_x" in line and "ppm" in line)
+    assert row.rstrip().endswith(mark)
+    assert note in " ".join(done.out.split())
+
+
 def test_result_without_limits_has_no_bars(calstation: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     done = calstation("show", log)

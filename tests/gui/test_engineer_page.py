@@ -876,8 +876,8 @@ def test_verdict_stands_before_the_comparison_with_the_previous_run(app: AppCont
 @pytest.mark.parametrize(
     ("code", "verdict", "change", "why"),
     [
-        ("en", "not judged", "not improved", "the value is that of the current calibration"),
-        ("zh_CN", "未判定", "未改进", "所列为现行标定的值"),
+        ("en", "not judged", "not improved", "value and sigma follow from the current calibration"),
+        ("zh_CN", "未判定", "未改进", "所列的值和标准差来自现行标定"),
     ],
 )
 def test_value_of_the_current_calibration_has_limits_but_is_not_judged(
@@ -1058,6 +1058,22 @@ def test_preview_of_a_run_that_leaves_a_parameter_undetermined_does_not_call_it_
     cells = view.findChild(CellTable, "preview_table").cells
     assert cells["gyro_bias_y"]["verdict"] == "not determined"
     assert cells["gyro_bias_x"]["verdict"] == "reached"
+
+
+@pytest.mark.parametrize(("words", "verdict"), [("en", "not improved"), ("zh_CN", "未改进")])
+def test_preview_does_not_promise_the_limit_of_a_parameter_that_a_run_does_not_improve(
+    app: AppContext, qtbot: QtBot, words: str, verdict: str
+) -> None:
+    sigma, none = np.ones(30), np.zeros(0)
+    stage = StagePreview("rate", 0.0, 1.0, "plan", 1, 1, ("gyro_bias_x", "gyro_bias_y"), sigma)
+    view, travel = PreviewView(app, lambda: RunRequest("")), ((-1.0, 1.0), (-1.0, 1.0))
+    qtbot.addWidget(view)
+    language.use(words)
+    limits = {"gyro_bias_x": 2.0, "gyro_bias_y": 2.0}
+    view._done(Preview((stage,), none, none, none, (), sigma, limits, {}, travel, not_improved=("gyro_bias_y",)))
+    cells = view.findChild(CellTable, "preview_table").cells
+    assert (cells["gyro_bias_y"]["verdict"], cells["gyro_bias_y"]["state"]) == (verdict, "")
+    assert cells["gyro_bias_x"]["state"] == "good"
 
 
 def ask_to_write(engineer: Engineer, *, of: Mapping[str, Any] | None = None, **bench: Any) -> None:

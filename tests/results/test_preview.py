@@ -94,6 +94,7 @@ def test_preview_names_the_parameters_whose_check_the_run_would_fail(site_folder
     preview = preview_of(site_folder, "azimuth_flip")
     result = site_folder.run("azimuth_flip").result
     assert list(preview.undetermined) == result["unobservable"] == ["gyro_bias_z"]
+    assert preview.not_improved == ()
 
 
 def test_every_violated_limit_is_reported_with_its_step(site_folder: SiteFolder) -> None:

@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 
 from calstation.cli.options import command_group
-from calstation.cli.show import new_table, plain_console, result_table, show_line
+from calstation.cli.show import new_table, plain_console, result_notes, result_table, show_line
 from calstation.cli.text import say, sentence
 from calstation.judgement import Check
 from calstation.physics import FloatArray, display, number
@@ -35,6 +35,8 @@ def show(result_file: Annotated[Path, typer.Argument(metavar="RESULT.json|LOG")]
     if result.temperature is not None:
         _show_courses(out, result, result.temperature)
     _show_bars(out, result)
+    for note in result_notes(result):
+        show_line(out, note)
     texts = [sentence(text) for text in (run_outcome(result), solved_offline(result)) if text is not None]
     show_line(out, f"{result.serial}: {say('common.comma').join(texts)}")
 

@@ -251,6 +251,8 @@ def _cells(preview: Preview, name: str) -> dict[str, str]:
     state = {None: "", True: "good", False: "bad"}[reached]
     if name in preview.undetermined:
         verdict, state = "undetermined", "bad"
+    elif name in preview.not_improved:
+        verdict, state = "not_improved", ""
     elif reached is not False and any(name in stage.missed for stage in preview.stages):
         verdict, state = "target_missed", "caution"
     expected, limit, (unit, size) = _expected(preview, name), preview.limits.get(name), unit_of_parameter(name)
@@ -289,7 +291,9 @@ def _names(preview: Preview) -> tuple[str, ...]:
 
 
 def _reached(preview: Preview, name: str) -> bool | None:
-    """Return whether the expected sigma of a parameter meets its limit, or None if either is unknown."""
+    """Return whether the expected sigma of a parameter meets its limit, or None if either is unknown or not judged."""
+    if name in preview.not_improved:
+        return None
     expected, limit = _expected(preview, name), preview.limits.get(name)
     return None if expected is None or limit is None else expected <= limit
 
