@@ -102,8 +102,8 @@ class Design(Reached):
     """A schedule and its properties; `sigma` is the sigma after the planned moves."""
 
     moves: tuple[Move, ...]  #: Planned moves and reserve.
-    planned: int  #: Number of moves after which the targets are reached.
-    min_moves: int  #: Number of moves that are always executed, because the product's diagnosis requires them.
+    #: Number of moves after which the targets are reached and the product's diagnosis has the data it requires.
+    planned: int
     rate_dps: float
     acceleration_dps2: float
     duration: float  #: Duration of the planned moves, s.
@@ -129,7 +129,7 @@ class Design(Reached):
             "rate_dps": self.rate_dps,
             "acceleration_dps2": self.acceleration_dps2,
             "stop_at_limits": stops,
-            "least_moves": self.min_moves,
+            "least_moves": self.planned,  # by which the duration of a run is planned
         }
         if stops:
             values["margin"] = round(self.margin, 4)
@@ -153,7 +153,7 @@ class Design(Reached):
             "acceleration_dps2": self.acceleration_dps2,
             "moves": [list(move) for move in self.moves],
             "planned_moves": self.planned,
-            "least_moves": self.min_moves,
+            "least_moves": self.planned,
             "sigma_over_limit": ratios,
             "front": [list(point) for point in self.front],
             "variations": [vars(variation) for variation in self.variations],

@@ -209,7 +209,6 @@ class _Designer:
         return Design(
             moves=moves,
             planned=planned,
-            min_moves=min_moves,
             rate_dps=self._rate_dps,
             acceleration_dps2=self._acceleration_dps2,
             duration=duration,
@@ -322,7 +321,7 @@ class _Designer:
             yield exchange.best
 
     def _present_stops(self, problem: Problem) -> Stops | None:
-        """Return the mandatory moves of a product with only this stage; None if the search does not have such moves."""
+        """Return the planned moves of a product with only this stage; None if the search does not have such moves."""
         if self._product.stages != [STAGE]:
             return None
         schedule = method(STAGE).schedule(**self._product.schedule.get(STAGE, {})).model_dump()

@@ -6,15 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.config import RunRequest, check, library, load_product, read_text
+from calstation.config import RunRequest, check, library, load_configuration, load_product, read_text
 from calstation.designer import DesignRequest, design_schedule, designed_product, shorten_stages, shorter_product
 from calstation.designer.designer import _Designer
 from calstation.designer.search import Stop
 from calstation.errors import ConfigurationError
 from calstation.physics import NAMES
 from calstation.results import compute_preview
-from calstation.runs import execute
-from calstation.sequencer import Control, Finalized, StageEnded
+from calstation.runs import execute, run_summary
+from calstation.sequencer import Control, Finalized, StageEnded, table_task
+from tests.gui import design_jobs
 from tests.helpers import raises_code
 
 
@@ -60,6 +61,24 @@ def test_designed_schedule_meets_the_limits_with_margin_under_all_conditions(mem
     assert all(v.duration is not None and v.worst <= 1.0 for v in mems.variations)
     assert max(abs(angle) for outer, inner, _ in mems.moves for angle in (outer, inner)) <= 360.0
     assert sum(rest >= mems.gravity_rest for rest in mems.rests) >= 3
+
+
+def test_duration_of_a_run_is_planned_with_the_designed_moves(tmp_path):
+    product, designed = library.find("products", "mems_c"), design_jobs.design()
+    path = tmp_path / "designed.toml"
+    path.write_text(designed_product(read_text(product), designed), encoding="utf-8")
+    (plan,) = table_task(load_configuration(RunRequest("M-1", None, path))).stages
+    assert plan.rule.usual == designed.planned < len(designed.moves)
+
+
+@pytest.mark.long
+def test_planned_duration_of_a_run_is_that_of_the_design(tmp_path, mems):
+    path = tmp_path / "designed.toml"
+    path.write_text(designed_product(read_text(library.find("products", "mems_c")), mems), encoding="utf-8")
+    request = RunRequest("M-1", None, path, out=tmp_path / "runs")
+    (stage,), (previewed,) = run_summary(request).stages, compute_preview(ignore, request).stages
+    assert stage.duration == pytest.approx(mems.duration, abs=0.1)
+    assert (previewed.moves, previewed.end) == (mems.planned, pytest.approx(mems.duration, abs=0.1))
 
 
 @pytest.mark.long
@@ -139,7 +158,7 @@ def test_search_starts_with_the_moves_of_a_designed_stage_which_reveal_what_the_
     result = design_schedule(ignore, DesignRequest(product=path, time_limit=1.0))
     moves = load_product(path)[1].schedule["designed"]["moves"]
     assert result.searched
-    assert result.planned <= result.min_moves == 12
+    assert result.planned == 12
     assert [list(move) for move in result.moves[:11]] == moves[:11]
     drift = next(h for h in result.hidden if h.parameter.startswith("gyro_scale"))
     i = NAMES.index(drift.moved)

@@ -33,7 +33,6 @@ def design() -> Design:
     return Design(
         moves=MOVES,
         planned=4,
-        min_moves=1,
         searched=True,
         rate_dps=60.0,
         acceleration_dps2=60.0,
