@@ -364,6 +364,7 @@ def test_stopped_run_is_resumed_from_the_engineer_page_with_the_question_of_the_
 ) -> None:
     engineer.window.app.set_language(code)
     engineer.unlock()
+    engineer.tick("part_check_scale_factors")
     engineer.press("engineer_start_button")
     engineer.until(lambda: engineer.run.stage is not None and engineer.run.stage.name == "six_position")
     engineer.press("stop_button")
@@ -378,9 +379,34 @@ def test_stopped_run_is_resumed_from_the_engineer_page_with_the_question_of_the_
     request = engineer.window.app.engine_link.request
     assert request is not None
     assert request.resume is not None
+    engineer.until(lambda: engineer.in_a_stage() and engineer.run.partial)
+    assert [stage.name for stage in engineer.run.stages] == ["rate", "six_position", "transfer"]
     engineer.press("stop_button")
     engineer.until_ended()
+    assert engineer.page.choice.selector.stages == ("rate", "six_position")
     engineer.window.app.set_language("en")
+
+
+def test_selection_and_schedule_stay_when_the_files_are_read_again_until_the_product_changes(
+    engineer: Engineer,
+) -> None:
+    app, panel = engineer.window.app, engineer.page.choice
+    engineer.unlock()
+    engineer.tick("stage_check_azimuth_flip", "stage_check_rate")
+    engineer.type("schedule_rate_dwell_s", "6.5")
+    engineer.widget("stage_down_rate", QToolButton).click()
+    chosen = panel.selector.stages, panel.schedule
+    for kept in (app.stages, None):  # for the next run of the Operator page; None after a run of this page
+        engineer.page._keeps_choice = kept is None
+        app.choose(kept, panel.schedule if kept else None)
+        for signal in (app.station_changed, app.product_changed):
+            signal.emit()
+            assert (panel.selector.stages, panel.schedule) == chosen
+            assert app.stages == kept
+            assert engineer.widget("schedule_rate_dwell_s", QLineEdit).text() == "6.5"
+            assert engineer.widget("engineer_start_button", QPushButton).text() == "START PARTIAL"
+    app.set_product(library.find("products", "mems_c"))
+    assert (panel.selector.stages, panel.schedule) == (STAGES, {})
 
 
 def test_question_about_an_unverified_transfer_outlasts_the_end_of_a_changed_schedule(engineer: Engineer) -> None:

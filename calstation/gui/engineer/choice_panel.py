@@ -47,6 +47,8 @@ class ChoicePanel(QFrame):
         self.setProperty("kind", "panel")
         self._forms: dict[str, ScheduleForm] = {}
         self._name = ""
+        #: Options of the displayed product, also while a problem is shown instead of them.
+        self._options: ScheduleOptions | None = None
         self._new_pin = False
         self._warning: Text | None = None  #: Limits that no stage of the product judges.
         self.selector = StageSelector()
@@ -97,12 +99,27 @@ class ChoicePanel(QFrame):
         """The form of the current stage."""
         return self._forms[self.selector.current]
 
-    def show_options(self, options: ScheduleOptions) -> None:
-        """List the stages of a product, and create the forms for their schedules."""
-        self._name = options.name
+    def keeps(self, options: ScheduleOptions) -> bool:
+        """Return whether the selection can stay: the product is the same, and all selected stages are offered."""
+        shown = self._options
+        same = shown is not None and shown.product.stem == options.product.stem
+        return same and {*self.selector.stages} <= {*options.offered}
+
+    def show_options(self, options: ScheduleOptions, *, keep: bool = False) -> None:
+        """List the stages of a product, and create the forms for their schedules.
+
+        `keep` keeps the selection and the changes to the schedules, see `keeps`.
+        """
+        selected, changes = options.stages, {}
+        if keep and self._options is not None:
+            changes = {stage: form.deviations for stage, form in self._forms.items()}
+            if self.selector.stages != self._options.stages:
+                selected = self.selector.stages
+        self._name, self._options = options.name, options
         clear(self._form_box)
         self._forms = {stage: ScheduleForm(stage, options) for stage in options.offered}
-        for form in self._forms.values():
+        for stage, form in self._forms.items():
+            form.change(changes.get(stage, {}))
             form.changed.connect(self.changed)
             form.hide()
             self._form_box.addWidget(form)
@@ -110,7 +127,7 @@ class ChoicePanel(QFrame):
         self._warning = warning if options.unjudged else None
         show_text(self._problem, "")
         self.selector.show()
-        self.selector.offer(options.offered, options.stages)
+        self.selector.offer(options.offered, options.stages, selected)
 
     def show_problem(self, product: str, problem: str) -> None:
         """Show only the name of a product and why it cannot be run, instead of the stages of the previous one."""
@@ -203,11 +220,12 @@ class StageSelector(QWidget):
         """The selected stages in run order."""
         return tuple(stage_row.stage for stage_row in self._rows if stage_row.check.isChecked())
 
-    def offer(self, stages: tuple[str, ...], selected: tuple[str, ...]) -> None:
-        """List the `stages`, and check those of the product, `selected`, of which the parts consist."""
-        self._own = selected
+    def offer(self, stages: tuple[str, ...], own: tuple[str, ...], selected: tuple[str, ...]) -> None:
+        """List the `stages`, and check those `selected` in their order; the parts consist of the product's `own`."""
+        self._own = own
         clear(self._list)
-        self._rows = [_StageRow(stage, self) for stage in stages]
+        in_order = iter(selected)
+        self._rows = [_StageRow(next(in_order) if stage in selected else stage, self) for stage in stages]
         for stage_row in self._rows:
             stage_row.check.setChecked(stage_row.stage in selected)
             stage_row.check.toggled.connect(self._toggled)

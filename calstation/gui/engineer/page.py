@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from PySide6.QtCore import QSignalBlocker
 from PySide6.QtWidgets import QWidget
 
 from calstation.config import RunRequest, ScheduleOptions, Version, save_schedule, schedule_options
@@ -166,10 +167,21 @@ class EngineerPage(Page):
         self._tabs.setTabVisible(self._views.indexOf(self._slots), options is not None and bool(options.slots))
         self.design.offer(options)
         if options is not None and options.offered:
-            self.choice.show_options(options)  # before the number is suggested, which updates the page
+            self._show_options(options)  # before the number is suggested, which updates the page
         if self._header.serial in ("", self._suggested):
             self._suggest()
         self._update()
+
+    def _show_options(self, options: ScheduleOptions) -> None:
+        """List the stages of the product; the selection stays unless the product or its stages are others."""
+        if not self.choice.keeps(options):
+            self.choice.show_options(options)
+            return
+        with QSignalBlocker(self.choice):  # a selection that was kept after a run is not for the Operator page
+            self.choice.show_options(options, keep=True)
+        self.preview.mark_outdated()
+        if self.app.stages is not None:
+            self._choice_changed()
 
     def _suggest(self) -> None:
         """Suggest the unit of the virtual bench unless its verdict is displayed; clear the field on hardware."""
@@ -213,11 +225,14 @@ class EngineerPage(Page):
     def _running_changed(self, running: bool) -> None:
         """Show a run live; after it, clear the serial number and show its remarks.
 
-        The choice of stages and schedule applies to one run, but is kept here after a run that was started here. The
-        serial number is not kept: the unit on the table must be identified before every run.
+        The choice of stages and schedule applies to one run, but is kept here after a run that was started here or
+        resumed, which has the stages of its log. The serial number is not kept: the unit on the table must be
+        identified before every run.
         """
         self._start_dialog.drop()
-        self._keeps_choice = self.isVisible() if running else self._keeps_choice and self.app.role.engineer
+        request = self.app.engine_link.request
+        own = self.isVisible() or (request is not None and request.resume is not None)
+        self._keeps_choice = own if running else self._keeps_choice and self.app.role.engineer
         if running and self.notice.offers(_RESUME):
             self.notice.dismiss()
         if running and not self.app.run.register_operation:

@@ -1,5 +1,6 @@
 """Form for the schedule of a stage, generated from the schedule model of its method; it shows errors during input."""
 
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -85,6 +86,10 @@ class ScheduleForm(QWidget):
         """The displayed names of the fields with invalid values, which may be out of sight."""
         names = dict.fromkeys(str(problem.key_path[0]) for problem in self._source.problems if problem.key_path)
         return tuple(schedule_text(name, self.stage) for name in names)
+
+    def change(self, values: Mapping[str, Any]) -> None:
+        """Change the values of some fields."""
+        self._source.set({(name,): value for name, value in values.items()})
 
     def reset(self) -> None:
         """Restore the values in the product."""
