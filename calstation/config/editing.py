@@ -56,6 +56,11 @@ _SIGNATURES = {
 #: Private-use character that no file contains, inserted temporarily to find a line.
 _MARKER = "\ue000"
 
+#: A unit such as ``m/s/√s``.
+_UNIT = r"(?:√?[µmk]?(?:rad|deg|°C?|ppm|Hz|min|m|s|g|h|K|1|%)[²³]?)(?:[/·]√?[µmk]?(?:rad|°|Hz|min|m|s|g|h|K)[²³]?)*"
+#: Comments that contain the value in another unit or as a formula: the unit first, or only at the end.
+_CONVERSIONS = re.compile(rf"#\s*({_UNIT})[,;:]\s.*\d.*"), re.compile(rf"#\s*[\d.][\d./^()·\s-]*\s({_UNIT})$")
+
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 
 
@@ -255,6 +260,8 @@ def line_of(text: str, keys: KeyPath) -> int:
 def edit_toml(text: str, changes: Mapping[KeyPath, Any]) -> str:
     """Change some values of a text and leave everything else, including comments, unchanged.
 
+    Of a comment that repeats a changed value in another unit, only the unit remains.
+
     `changes` contains new values by entry; None removes the value, and its table if it becomes empty.
     """
     for key_path, value in changes.items():
@@ -283,7 +290,12 @@ def _set_value(text: str, key_path: KeyPath, value: Any) -> str:
             value.update(members)
         if has_table(text, key_path[:-1]):
             return add_value(text, key_path[:-1], key, value)
+    before = table[key] if isinstance(key, str) and key in table else value
     table[key] = value
+    if before != value:
+        trivia = tomlkit.items.item(table[key]).trivia
+        for conversion in _CONVERSIONS:
+            trivia.comment = conversion.sub(r"# \1", trivia.comment)
     return tomlkit.dumps(document)
 
 

@@ -3,6 +3,7 @@
 import re
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 import tomli_w
@@ -13,7 +14,7 @@ from calstation.config import check, edit_toml, library, line_of, normal_gravity
 from calstation.config.editing import MODELS, list_files, new_name, warnings
 from calstation.errors import ConfigurationError
 from calstation.messages import sentence
-from calstation.schema import Problem, load
+from calstation.schema import KeyPath, Problem, load
 from tests.site_folder import PRODUCT
 
 CHANGED_LINE, HEADER_LINE = "the changed line", "its table's header"
@@ -204,6 +205,35 @@ def test_change_preserves_comments_and_order() -> None:
     assert data["site"]["gravity_mps2"] == 9.8
     assert data["table"]["serial"] == {"baud": 19200}
     assert data["imu"] == {"port": "/dev/ttyUSB0"}
+
+
+@pytest.mark.parametrize(
+    ("name", "key_path", "before", "after"),
+    [
+        ("dsp_modbus", ("noise", "gyro_arw"), "# rad/√s, 0.15 °/√h", "# rad/√s"),
+        ("bench_mems", ("noise", "gyro_arw"), "# rad/√s, 0.15 °/√h", "# rad/√s"),
+        ("stim300", ("noise", "accel_vrw"), "# m/s/√s, 0.06 m/s/√h", "# m/s/√s"),
+        ("stim300", ("stream", "gyro_lsb"), "# rad/s: 2^-14 °/s", "# rad/s"),
+        ("novatel_rawimu", ("stream", "gyro_lsb"), "# 0.1/(3600 · 256) rad", "# rad"),
+        ("novatel_rawimu", ("prior", "accel_bias", "sigma"), "# m/s², 50 mg", "# m/s²"),
+        ("stim300", ("link", "baud"), "# as ordered: 374400, 460800", None),
+        ("text_lines", ("link", "baud"), "# a line of 80 characters", None),
+        ("text_lines", ("stream", "gyro_lsb"), "# the lines tell rad/s; of °/s write 0.0174", None),
+    ],
+)
+def test_comment_does_not_repeat_the_previous_value_in_another_unit(
+    name: str, key_path: KeyPath, before: str, after: str | None
+) -> None:
+    text = shipped("imus", name)
+    value: Any = tomllib.loads(text)
+    for key in key_path:
+        value = value[key]
+    assert before in edit_toml(text, {key_path: value}), "the value is the same"
+    changed = edit_toml(text, {key_path: 2 * value}).splitlines()
+    (old,) = set(text.splitlines()) - set(changed)
+    (new,) = set(changed) - set(text.splitlines())
+    assert before in old
+    assert new.split(" #")[1] == (old.split(" #")[1] if after is None else after.removeprefix("#"))
 
 
 def test_removing_the_last_value_removes_the_table() -> None:
