@@ -82,7 +82,7 @@ class StationConfig(StrictModel):
     #: Settings of the virtual bench that replaces the devices, see `calstation.config.load_bench`.
     bench: dict[str, JsonValue] | None = None
     #: Largest error of the computer's clock, ppm; None for an unsynchronised quartz.
-    clock_error_ppm: float | None = Field(default=None, ge=0)
+    clock_error_ppm: float | None = Field(default=None, ge=0, le=10_000)
     #: Delivery of the results; None for a folder `handover` next to the runs folder.
     handover: HandoverSection | None = None
     sign_in: SignInSection | None = None  #: Sign-in of operators; None if the operator's name is optional.

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import suppress
+from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
@@ -33,7 +34,7 @@ from calstation.devices.profiles.frame import (
 )
 from calstation.devices.profiles.imu_protocols import PROTOCOLS, ImuProtocol
 from calstation.devices.profiles.registers import REGISTER_RULES, RegisterEntry
-from calstation.physics import GROUPS, NAMES, PARAMETERS, EffectName, FloatArray, entry_of
+from calstation.physics import GROUPS, NAMES, PARAMETERS, STANDARD_GRAVITY, EffectName, FloatArray, entry_of
 from calstation.schema import EntryError, KeyPath, StrictModel, check_names, load_once
 
 P = TypeVar("P", bound=ImuProtocol)
@@ -44,6 +45,11 @@ MIN_WRAP_TIME = 0.1
 
 #: Default changes of a parameter at a power-up and over a year, in prior sigmas.
 _POWER_UP, _YEAR = 0.01, 0.1
+
+#: Largest random walks, 100 °/√h in rad/√s and 0.1 g/√Hz in m/s/√s.
+_MAX_ARW, _MAX_VRW = radians(100.0) / 60.0, 0.1 * STANDARD_GRAVITY
+#: Largest bias instabilities, 100 000 °/h in rad/s and 1 g in m/s².
+_MAX_GYRO_INSTABILITY, _MAX_ACCEL_INSTABILITY = radians(1e5) / 3600.0, STANDARD_GRAVITY
 
 #: The entry that selects the protocol, as written in messages.
 _PROTOCOL = 'protocol = "{0.protocol}"'
@@ -56,8 +62,8 @@ class StreamSection(StrictModel):
     output: Literal["increment", "rate"]
     gyro_lsb: float = Field(gt=0)
     accel_lsb: float = Field(gt=0)
-    gyro_quantisation: float | None = Field(default=None, ge=0)
-    accel_quantisation: float | None = Field(default=None, ge=0)
+    gyro_quantisation: float | None = Field(default=None, ge=0, le=1)
+    accel_quantisation: float | None = Field(default=None, ge=0, le=10)
     bandwidth_hz: float | None = Field(default=None, gt=0, le=100_000)
     coning_compensated: bool = False
     order: Literal["before_registers", "after_registers"]
@@ -66,10 +72,10 @@ class StreamSection(StrictModel):
 class NoiseSection(StrictModel):
     """`[noise]`: random walks in rad/√s and m/s/√s, bias instabilities in rad/s and m/s²."""
 
-    gyro_arw: float = Field(gt=0)
-    accel_vrw: float = Field(gt=0)
-    gyro_bias_instability: float = Field(default=0.0, ge=0)
-    accel_bias_instability: float = Field(default=0.0, ge=0)
+    gyro_arw: float = Field(gt=0, le=_MAX_ARW)
+    accel_vrw: float = Field(gt=0, le=_MAX_VRW)
+    gyro_bias_instability: float = Field(default=0.0, ge=0, le=_MAX_GYRO_INSTABILITY)
+    accel_bias_instability: float = Field(default=0.0, ge=0, le=_MAX_ACCEL_INSTABILITY)
 
 
 class StatusSection(StrictModel):
@@ -91,7 +97,7 @@ class CorrectedSection(StrictModel):
 class PriorSigma(StrictModel):
     """`[prior.NAME]`: prior standard deviation of a parameter, or of each parameter of a group, SI."""
 
-    sigma: float = Field(gt=0)
+    sigma: float = Field(gt=0, le=100)
 
 
 class Stability(StrictModel):
@@ -101,8 +107,8 @@ class Stability(StrictModel):
     year : change over a year; the default is a tenth of the prior sigma. The variance is proportional to the time
     """
 
-    power_up: float | None = Field(default=None, ge=0)
-    year: float | None = Field(default=None, ge=0)
+    power_up: float | None = Field(default=None, ge=0, le=100)
+    year: float | None = Field(default=None, ge=0, le=100)
 
 
 if TYPE_CHECKING:

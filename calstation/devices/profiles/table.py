@@ -58,6 +58,8 @@ _FRAMING = {"atl": "prompt", "mn": "checked"}
 
 #: Largest rounding of an angle in a text line, in standard deviations of the encoder.
 _MAX_ROUNDING = 3.0
+#: Largest sigma of the encoders of a driven table, °.
+_MAX_ENCODER_SIGMA = 5.0
 
 #: Relative tolerance of a rate or acceleration at its limit.
 _RELATIVE_TOLERANCE = 1e-9
@@ -78,7 +80,7 @@ class ImuLinkSection(ProfileSection):
 
     gap: int = Field(default=0, ge=0, le=100)
     word_order: Literal["big", "little"] = "big"
-    rest_rate_dps: float = Field(default=0.002, gt=0)
+    rest_rate_dps: float = Field(default=0.002, gt=0, le=10)
 
 
 class ModbusSection(ImuLinkSection):
@@ -145,6 +147,7 @@ class TableProfile(ProfileSection):
 
     rules: ClassVar[Rules["TableProfile"]] = (
         lambda p: "0" in p.faults and EntryError("profile.fault_zero", "faults", "0"),
+        lambda p: not p.by_hand and _encoder_error(p.accuracy.encoder_sigma_deg),
         lambda p: abs(float(np.dot(p.outer_axis, p.inner_axis))) > 0.5 and EntryError("profile.axes_too_close"),
         lambda p: p.section != "" and needs(_PROTOCOL, p.section)(p),
         lambda p: excludes(_PROTOCOL, *(name for name in PROTOCOLS.values() if name not in (None, p.section)))(p),
@@ -284,6 +287,16 @@ class TableProfile(ProfileSection):
             ),
             gimbal,
         )
+
+
+def _encoder_error(sigma: float) -> EntryError | None:
+    """Return the error of a sigma, °, that no encoder has; a manual rig may have a larger one, because it has none."""
+    values = {"value": sigma, "bound": _MAX_ENCODER_SIGMA}
+    return (
+        EntryError("entry.less_than_equal", "accuracy", "encoder_sigma_deg", **values)
+        if sigma > _MAX_ENCODER_SIGMA
+        else None
+    )
 
 
 def _framing_errors(profile: TableProfile, lines: TextSection) -> Iterator[EntryError]:

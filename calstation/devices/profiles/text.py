@@ -237,8 +237,8 @@ class TextSection(LineSection):
 
     joint_names: ClassVar[tuple[str, ...]] = ("outer", "inner")
     axes: list[str]
-    rest_rate_dps: float = Field(default=0.002, gt=0)
-    settled_deg: float = Field(default=0.0005, gt=0)
+    rest_rate_dps: float = Field(default=0.002, gt=0, le=10)
+    settled_deg: float = Field(default=0.0005, gt=0, le=10)
     settled_polls: int = Field(default=5, ge=2, le=100)
     commands: CommandLines
     flags: Flags
