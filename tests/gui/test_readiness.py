@@ -73,11 +73,18 @@ def test_overdue_calibration_of_the_table_is_not_ready(operator: Operator) -> No
     operator.window.app.set_language("zh_CN")
     assert "“Rate table A”应于 2021-03-02 前送检" in operator.message
     assert "未就绪" in operator.says()
+    for page in ("history_page", "station_page"):
+        operator.window.show_page(page)
+        assert "未就绪" in operator.says().split("\n")
+        assert "“Rate table A”应于 2021-03-02 前送检" in operator.says()
+    operator.window.show_page("operator_page")
     operator.window.app.set_language("en")
     assert operator.widget("start_button", QPushButton).isEnabled()
     operator.site_folder.write(station={"instruments": [{**overdue[0], "due": date(2999, 3, 2)}]})
     operator.window.app.set_station(operator.site_folder.station)
-    assert "READY" in operator.says().split("\n")
+    for page in ("operator_page", "history_page"):
+        operator.window.show_page(page)
+        assert "READY" in operator.says().split("\n")
 
 
 def test_refusal_names_product_and_station_as_the_list_does() -> None:

@@ -399,7 +399,9 @@ class OperatorPage(Page):
         waits = run.display_state == "idle" and run.occupied is None and not run.stop_incomplete
         waits = waits and self._starting.incomplete
         self._badge.show_state(*(("none", term("badge", "not_ready")) if waits else run_badge(run)))
-        self._message.setText(self._message_text())
+        message = self._message_text()
+        self._message.setText(message)
+        run.set_missing(message if waits else "")
 
     def _why_not_start(self) -> str:
         starting, header = self._starting, self.header

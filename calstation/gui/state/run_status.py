@@ -73,6 +73,7 @@ class RunStatus(QObject):
         self.register_operation = False
         #: Why the station and the product are not usable for the next run; None if they are.
         self.problem: Text | None = None
+        self.missing = ""  #: What an operator must do before the next run, or "".
         #: Symbol and text of the state of the IMUs that are monitored live, outside a run; None without monitoring.
         self.monitoring: tuple[str, Text] | None = None
         #: ``writing`` while registers are written, ``verifying`` until they are verified, then ``written``; "" before.
@@ -253,8 +254,11 @@ class RunStatus(QObject):
 
     def set_problem(self, problem: Text | None) -> None:
         """Set why the station and the product are not usable for the next run, or None if they are."""
-        self.problem = problem
-        self.changed.emit()
+        self._set("problem", problem)
+
+    def set_missing(self, missing: str) -> None:
+        """Set what an operator must do before the next run, or ""."""
+        self._set("missing", missing)
 
     def set_elsewhere(self, elsewhere: tuple[tuple[str, ...], str] | None) -> None:
         """Set the serial numbers and the state of the run in the first window of the station."""
@@ -324,8 +328,7 @@ class RunStatus(QObject):
 
     def set_unreset(self, fault: Fault | None) -> None:
         """Set the latched fault of the table that remains to be reset, None for none."""
-        self.unreset = fault
-        self.changed.emit()
+        self._set("unreset", fault)
 
     def set_chamber_left(self, left: bool | None) -> None:
         """Set whether an earlier run left the chamber at an unknown temperature; None if this is not known yet."""
@@ -400,12 +403,11 @@ class RunStatus(QObject):
         if running and request is not None:
             self.state, self.commanded = "starting", False
             self.register_operation = self._link.operation is not None
-            self.fault = self.unreset = self.latest = None
+            self.fault = self.unreset = self.latest = self._soaks_from = None
             self.resumable = request.resume is not None
             self.chamber, self.table = ChamberStatus(), TableStatus()
             self.registers = self.stage_ending = ""
             self.unloading = self.pause_requested = False
-            self._soaks_from = None
             self._started_at = self._done_before = 0.0
             try:
                 self.run_summary = run_summary(request)

@@ -33,11 +33,15 @@ _WORST = ("failed", "fault", "stopped", "incomplete", "partial", "passed")
 
 
 class RunStrip(QWidget):
-    """A strip that shows the status of the current run, the stage below the unit."""
+    """A strip that shows the status of the current run, the stage below the unit.
+
+    While there is no run, it shows what an operator must do before the next one, unless `show_idle` replaces this.
+    """
 
     def __init__(self, run: RunStatus) -> None:
         super().__init__()
-        self._run, self._idle, self._ready = run, "", True
+        self._run, self._idle = run, ""
+        self._ready: bool | None = None
         self._badge = StateBadge(theme.SECTION, elided=True)
         self._text, self._bar = ElidedLabel(), progress_bar(theme.GRID)
         parts = (self._badge, self._text, self._bar)
@@ -53,7 +57,8 @@ class RunStrip(QWidget):
 
     def _refresh(self) -> None:
         run = self._run
-        waits = not self._ready and run.display_state == "idle" and run.occupied is None
+        idle, ready = (run.missing, not run.missing) if self._ready is None else (self._idle, self._ready)
+        waits = not ready and run.display_state == "idle" and run.occupied is None
         closed = run.chamber.must_stay_closed
         title = term("badge", "not_ready") if waits and not (closed or run.stop_incomplete) else run_title(run)
         self._badge.show_state(run_badge(run)[0], title)
@@ -66,8 +71,8 @@ class RunStrip(QWidget):
             parts = [rendered(run.other_program).text]
         elif run.remaining is not None:
             parts.append(say("common.time_left", time=duration_text(run.remaining)))
-        if self._idle and not parts and not run.in_progress:
-            parts = [self._idle]
+        if idle and not parts and not run.in_progress:
+            parts = [idle]
         if not parts and run.display_state == "not_ready" and run.problem is not None:
             parts = [rendered(run.problem, engineer=False).remedy]
         self._text.setWordWrap(not run.in_progress)  # where the bar would be
