@@ -405,11 +405,15 @@ def test_panel_asks_for_the_date_of_receipt_of_a_certificate(qtbot: QtBot, code:
     panel.findChild(QLineEdit, "certificate_reason_edit").setText("typing error")
     edit, confirm = panel.findChild(QLineEdit, "certificate_received_edit"), panel._confirm_button
     assert title in [each.text() for each in panel.findChildren(QLabel) if not each.isHidden()]
-    edit.setText("31.12.2026")
-    assert not confirm.isEnabled()
-    assert why in confirm.toolTip()
+    said = panel.findChild(QLabel, "certificate_date_label")
+    for wrong in ("31.12.2026", "2026-11-31"):
+        edit.setText(wrong)
+        assert not confirm.isEnabled()
+        assert why in confirm.toolTip()
+        assert (said.isHidden(), why in said.text()) == (False, True)
     for text in ("2026-12-31", ""):
         edit.setText(text)
+        assert said.isHidden()
         confirm.click()
     assert received == [date(2026, 12, 31), None]
     panel.ask("", once, lambda *_: None, by="Li")

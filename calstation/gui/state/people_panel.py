@@ -76,12 +76,14 @@ class PeoplePanel(QFrame):
         self._received_caption.setBuddy(self._received)
         bind(self._received.setPlaceholderText, "window.received_hint")
         self._confirm_button = button(f"{name}_confirm_button", "window.confirm", self._confirm)
+        self._date_error = label(kind="error", name=f"{name}_date_label", wrap=True)
         cancel = button(f"{name}_cancel_button", "common.cancel", self._cancel)
         column(
             self._title,
             self._note,
             self._fields,
             row(self._received_caption, self._received, None, cancel, self._confirm_button),
+            self._date_error,
             on=self,
             margins=(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID),
         )
@@ -161,6 +163,9 @@ class PeoplePanel(QFrame):
         """Return why the action cannot be confirmed: a visible field is empty, or a date is wrong; "" if it can."""
         if any(not edit.isHidden() and not edit.text().strip() for edit in self._edits):
             return "window.fill_in"
+        return self._why_bad_date()
+
+    def _why_bad_date(self) -> Words:
         with suppress(ValueError):
             _ = self.received
             return ""
@@ -177,6 +182,7 @@ class PeoplePanel(QFrame):
         self.cancelled.emit()
 
     def _refresh(self) -> None:
+        show_text(self._date_error, say(self._why_bad_date()))
         enable(self._confirm_button, say(self._why_not()))
 
     def _show_texts(self) -> None:
