@@ -267,6 +267,18 @@ def test_badges_are_scanned_into_the_list_and_checked_against_their_form(forms: 
     assert tomllib.loads(stored("line_4")) == tomllib.loads(before)
 
 
+@pytest.mark.parametrize(("code", "said"), [("en", "you have been signed out"), ("zh_CN", "您已退出登录")])
+def test_saved_badges_that_lock_the_window_say_so(forms: ListDriver, code: str, said: str) -> None:
+    forms.app.station_changed.connect(forms.app.role.lock)  # as the badge field of the Operator page does
+    forms.show_section(OPERATORS)
+    forms.type("sign_in_badge_pattern_edit", r"B\d{4}")
+    language.use(code)
+    forms.press("save_station_button")
+    assert not forms.app.role.engineer
+    assert said in forms.page._unsaved_label.text()
+    language.use("en")
+
+
 def test_engineer_needs_a_name_where_other_badges_have_one(forms: ListDriver) -> None:
     text = add_comments("line_4", '[sign_in]\nbadge_pattern = ".+" # any\nengineers = ["E1"] # on duty\n')
     forms.page.drafts.reload()

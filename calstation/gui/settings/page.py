@@ -70,6 +70,8 @@ class StationPage(Page):
         self.drafts = Drafts(lambda: app.author, self)
         #: Names of the files that were saved last; "" after another edit.
         self._saved_names = ""
+        #: Whether saving has locked the window, because other badges apply.
+        self._locked_by_save = False
         self._new_bar = NewFileBar(self.drafts)
         self._new_bar.created.connect(lambda _, path: self._use(path))
         self.header = self._make_header()
@@ -215,13 +217,13 @@ class StationPage(Page):
             self.notice.ask("caution", "settings.overdue", text, choices)
             return False
         self.notice.dismiss()
-        names = self._unsaved_names()
+        names, engineer = self._unsaved_names(), self.app.role.engineer
         try:
             self.drafts.save(self._reason_edit.text())
         except ConfigurationError as error:
             self.notice.ask("bad", "settings.not_saved", error.as_text)
             return False
-        self._saved_names = names
+        self._saved_names, self._locked_by_save = names, engineer and not self.app.role.engineer
         self._reason_edit.clear()
         self.refresh()
         return True
@@ -241,7 +243,8 @@ class StationPage(Page):
             self._saved_names = ""
             status = say("settings.unsaved", names=self._unsaved_names())
         elif self._saved_names:
-            status = say("settings.saved", names=self._saved_names)
+            locked = self._locked_by_save and not self.app.role.engineer
+            status = say("settings.saved_and_locked" if locked else "settings.saved", names=self._saved_names)
         elif self._role_reason():
             status = say("settings.read_only")
         self._unsaved_label.setText(status)
