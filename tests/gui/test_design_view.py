@@ -20,6 +20,7 @@ from PySide6.QtWidgets import (
     QSlider,
     QTabBar,
 )
+from pytestqt.qtbot import QtBot
 
 from calstation.config import library, versions
 from calstation.gui.engineer.designer import DesignView
@@ -145,6 +146,16 @@ def test_design_that_leaves_a_parameter_undetermined_is_not_called_sufficient(
     designer.design()
     assert verdict in designer.says()
     assert names in designer.headline
+
+
+def test_best_schedule_found_beside_the_chosen_one_is_in_the_range_of_the_plot(qtbot: QtBot) -> None:
+    plot = FrontPlot()
+    qtbot.addWidget(plot)
+    for ratios in ((90.0, 500.0), (2.0, 500.0)):
+        others = tuple((10.0 + number, ratio) for number, ratio in enumerate(sorted(ratios, reverse=True)))
+        plot.show_design(replace(design_jobs.design(), front=others))
+        _, (low, high) = plot.getViewBox().viewRange()
+        assert low < np.log10(design_jobs.design().worst) < np.log10(min(ratios)) < high
 
 
 @pytest.mark.parametrize(

@@ -85,7 +85,8 @@ class FrontPlot(ThemedPlot):
         diamond = {"symbol": "d", "symbolSize": 16, "symbolBrush": c.good, "symbolPen": c.panel}
         mark = pg.PlotDataItem([design.duration / size], [design.worst], pen=None, name="chosen", **diamond)
         low, high = float(front[:, 1].min()), float(front[:, 1].max())
-        top = _HEADROOM * max(design.margin, min(high, _MAX_RATIO * low))
+        nearest = min((ratio for _, ratio in better), default=low)  # which is at least displayed
+        top = _HEADROOM * max(design.margin, min(high, _MAX_RATIO * low), nearest)
         self.setYRange(np.log10(0.8 * low), np.log10(top), padding=0.0)
         self.addItem(line)
         self.addItem(pg.InfiniteLine(np.log10(design.margin), 0, pen=dashed(c.bad)))
