@@ -73,10 +73,11 @@ def test_overdue_calibration_of_the_table_is_not_ready(operator: Operator) -> No
     operator.window.app.set_language("zh_CN")
     assert "“Rate table A”应于 2021-03-02 前送检" in operator.message
     assert "未就绪" in operator.says()
-    for page in ("history_page", "station_page"):
+    for page in ("history_page", "station_page", "engineer_page"):
         operator.window.show_page(page)
         assert "未就绪" in operator.says().split("\n")
         assert "“Rate table A”应于 2021-03-02 前送检" in operator.says()
+    assert operator.widget("engineer_start_button", QPushButton).isEnabled()
     operator.window.show_page("operator_page")
     operator.window.app.set_language("en")
     assert operator.widget("start_button", QPushButton).isEnabled()

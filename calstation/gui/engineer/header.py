@@ -63,10 +63,10 @@ class EngineerHeader(QWidget):
             theme.set_kind(self.start_button, "partial" if partial else "primary")
             self._show_start()
 
-    def show_next_run(self, why_not: str, writes: str) -> None:
-        """Enable START and show next to it what the next run writes to the unit, or why it cannot start."""
+    def show_next_run(self, why_not: str, overdue: str, writes: str) -> None:
+        """Enable START and show next to it why the next run cannot start or must be permitted, or what it writes."""
         enable(self.start_button, why_not)
-        self._strip.show_idle(why_not or writes, ready=not why_not)
+        self._strip.show_idle(why_not or overdue or writes, ready=not (why_not or overdue))
 
     @property
     def serial(self) -> str:

@@ -401,6 +401,7 @@ class OperatorPage(Page):
         self._badge.show_state(*(("none", term("badge", "not_ready")) if waits else run_badge(run)))
         message = self._message_text()
         self._message.setText(message)
+        self.app.overdue = waits and bool(self._starting.overdue)
         run.set_missing(message if waits else "")
 
     def _why_not_start(self) -> str:
