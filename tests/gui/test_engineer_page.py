@@ -387,6 +387,18 @@ def test_stopped_run_is_resumed_from_the_engineer_page_with_the_question_of_the_
     engineer.window.app.set_language("en")
 
 
+def test_schedule_of_a_stage_that_is_not_selected_any_more_does_not_stay_open(engineer: Engineer) -> None:
+    selector = engineer.page.choice.selector
+    engineer.unlock()
+    assert selector.current == "rate"
+    engineer.widget("part_check_scale_factors", QCheckBox).click()
+    assert (selector.current, engineer.page.choice.form.stage) == ("excitation", "excitation")
+    engineer.widget("stage_check_excitation", QCheckBox).click()
+    assert selector.current == "azimuth_flip"
+    engineer.widget("stage_check_azimuth_flip", QCheckBox).click()
+    assert (selector.current, selector.stages) == ("azimuth_flip", ())
+
+
 def test_selection_and_schedule_stay_when_the_files_are_read_again_until_the_product_changes(
     engineer: Engineer,
 ) -> None:
@@ -1353,8 +1365,8 @@ def test_registers_that_a_partial_run_writes_are_announced_beside_start(engineer
     engineer.tick("stage_check_six_position")
     engineer.type("engineer_serial_edit", SERIAL)
     for code, start, said in (
-        ("en", "START PARTIAL", "Writes the registers of a unit within its limits"),
-        ("zh_CN", "", "符合限差时写入产品的寄存器"),
+        ("en", "START PARTIAL", "Writes registers only if the unit is within its limits"),
+        ("zh_CN", "", "仅当产品符合限差时写入寄存器"),
     ):
         language.use(code)
         assert start in engineer.widget("engineer_start_button", QPushButton).text()

@@ -229,6 +229,7 @@ class StageSelector(QWidget):
         for stage_row in self._rows:
             stage_row.check.setChecked(stage_row.stage in selected)
             stage_row.check.toggled.connect(self._toggled)
+            stage_row.check.clicked.connect(self._leave_unselected)
             stage_row.check.installEventFilter(self)
             stage_row.moved.connect(self._move)
         self._arrange()
@@ -275,6 +276,12 @@ class StageSelector(QWidget):
             if stage_row.stage in self._stages_of(part):
                 stage_row.check.setChecked(checked)
         self._toggled()
+        self._leave_unselected()
+
+    def _leave_unselected(self) -> None:
+        """Make the first selected stage the current one instead of a stage that is not selected any more."""
+        if self.stages and self.current not in self.stages:
+            self.select(self.stages[0])
 
     def _toggled(self) -> None:
         """Update the check boxes of the parts and the numbers of the stages."""
