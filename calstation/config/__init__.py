@@ -21,6 +21,7 @@ from calstation.config.confirmation import (
     confirm,
     confirm_at_site,
     confirmation_required,
+    require_no_pin,
 )
 from calstation.config.editing import check, detect_kind, edit_toml, line_of, read_text
 from calstation.config.file_forms import FORMS, reference_form

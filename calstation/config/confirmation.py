@@ -96,6 +96,12 @@ def confirm(
     return Confirmation(by, confirmed_by, "personal" if engineers else "site")
 
 
+def require_no_pin(reason: str, *people: Person | None) -> None:
+    """Raise ConfigurationError if a reason, which everyone can read, contains a PIN that was entered."""
+    if any(person is not None and person.pin and person.pin in reason for person in people):
+        raise ConfigurationError("confirmation.pin_in_reason")
+
+
 def confirm_at_site(person: Person) -> Confirmation:
     """Check the identity of a person who acts for the whole site, who needs the site's PIN if there is one.
 

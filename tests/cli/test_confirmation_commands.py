@@ -41,6 +41,14 @@ def test_unit_is_released_by_two_engineers(
     assert calstation("override", failed, "--reason", "again", "--by", "B0001").code == 2
 
 
+def test_reason_that_contains_a_pin_is_refused(calstation, answers: dict[str, str], failed: Path) -> None:
+    for person in (WANG, LI):
+        people = ("--by", WANG.badge, "--confirmed-by", LI.badge)
+        done = calstation("override", failed, "--reason", f"scratch {person.pin}", *people)
+        assert (done.code, "The reason contains the PIN" in done.err) == (2, True)
+    assert not [each for each in calstation("audit", "--json", "-").json["events"] if each["event"] == "override"]
+
+
 def test_pins_are_set_and_changed(calstation, answers: dict[str, str], home: Path) -> None:
     answers |= {"The engineer's PIN of this site": "000000", "New PIN": "333333", "Current PIN": "333333"}
     assert calstation("pin", "--badge", "B0003").code == 0

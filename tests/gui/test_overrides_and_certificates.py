@@ -14,8 +14,10 @@ from pytestqt.qtbot import QtBot
 
 from calstation.config import ConfirmationRequired, access
 from calstation.config.library import shipped_folder
+from calstation.errors import ConfigurationError
 from calstation.gui.state import PeoplePanel
 from calstation.gui.text import language, say
+from calstation.messages import Text
 from calstation.records import AuditEvent, Verdict, audit_path, read_audit
 from calstation.results import load_result
 from calstation.sequencer import Finalized, StateChanged
@@ -297,6 +299,60 @@ def test_first_certificate_is_issued_by_whoever_has_signed_in(operator: Operator
     window.app.set_language("en")
 
 
+def _positions(operator: Operator) -> list[int]:
+    """Return the positions of the visible fields for a revision, which do not overlap and are in sight."""
+    edits = [operator.widget(f"history_certificate_button_{key}_edit", QLineEdit) for key in ("reason", *PEOPLE)]
+    edits = [each for each in edits if each.isVisible()]
+
+    def laid_out() -> bool:
+        apart = all(upper.geometry().bottom() < lower.geometry().top() for upper, lower in pairwise(edits))
+        return apart and all(each.visibleRegion().boundingRect() == each.rect() for each in edits)
+
+    operator.qtbot.wait(50)  # until changed texts are laid out
+    operator.until(laid_out)
+    return [each.mapTo(operator.window, each.rect().topLeft()).y() for each in edits]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_panel_for_a_revision_by_two_engineers_fits_a_small_screen(operator: Operator, code: str) -> None:
+    use(operator, {})
+    run_and_issue(operator)
+    operator.window.app.set_language(code)
+    operator.window.show_page("history_page")
+    operator.until(lambda: operator.widget("history_certificate_button").isVisible())
+    panel = operator.widget("history_certificate_button_panel", PeoplePanel)
+    both = ConfirmationRequired(pin=True, badge=True, second=True)
+    title = Text.of("operator.why_revised", number="SN-000042_20261129T155424197755")
+    panel.ask(title, both, lambda *_: None, note="operator.revision_same", received=True)
+    before = _positions(operator)
+    assert len(before) == 5
+    panel.retry(ConfigurationError("confirmation.not_engineer", badge="B0003"))
+    assert "B0003" in operator.says()
+    assert _positions(operator) == before
+    operator.window.app.set_language("en")
+
+
+@pytest.mark.parametrize(("code", "why"), [("en", "The reason contains the PIN"), ("zh_CN", "理由中含有 PIN 码")])
+@pytest.mark.parametrize("typed", ["111111", "222222"])
+def test_panel_refuses_a_reason_with_a_pin(qtbot: QtBot, code: str, why: str, typed: str) -> None:
+    language.use(code)
+    panel, confirmed = PeoplePanel("override"), []
+    qtbot.addWidget(panel)
+    panel.ask("", ConfirmationRequired(pin=True, badge=True, second=True), lambda *people: confirmed.append(people))
+    fields = {"reason": f"shock {typed}", "badge": "B0001", "second_badge": "B0002"}
+    for key, text in (*fields.items(), ("pin", "111111"), ("second_pin", "222222")):
+        panel.findChild(QLineEdit, f"override_{key}_edit").setText(text)
+    panel._confirm_button.click()
+    assert why in panel.findChild(QLabel, "override_refusal_label").text()
+    assert confirmed == []
+    for key, text in (("reason", "shock test"), ("pin", "111111"), ("second_pin", "222222")):
+        panel.findChild(QLineEdit, f"override_{key}_edit").setText(text)
+    panel._confirm_button.click()
+    assert [reason for reason, *_ in confirmed] == ["shock test"]
+    language.use("en")
+
+
 @pytest.mark.long
 def test_revision_is_issued_only_by_an_engineer_with_a_pin(operator: Operator) -> None:
     use(operator, {}, sign_in=ENGINEERS)
@@ -328,8 +384,11 @@ def test_revision_is_issued_only_by_an_engineer_with_a_pin(operator: Operator) -
         fill(operator, "history_certificate_button", **changed)
         if "pin" not in changed:
             fill(operator, "history_certificate_button", pin=fields["pin"])
+        fields_at = _positions(operator)
         operator.press("history_certificate_button_confirm_button")
         operator.until(lambda text=answer: text in operator.says())
+        if "issued" not in answer:
+            assert _positions(operator) == fields_at, "whoever types goes on in the same field"
         edits = {key: operator.widget(f"history_certificate_button_{key}_edit", QLineEdit) for key in fields}
         issued = answer == "The certificate was issued"
         assert edits["reason"].isVisible() != issued

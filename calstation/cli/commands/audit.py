@@ -51,7 +51,8 @@ def audit(
     except ValueError as exc:
         raise ConfigurationError("cli.not_a_date", option="--since", value=since, program="calstation audit") from exc
     if restart is not None:
-        event_made = restart_site_trail(restart, ask_person(by or computer_user() or "", pin=access.has_pin()))
+        person = ask_person(by or computer_user() or "", pin=access.has_pin(), reason=restart)
+        event_made = restart_site_trail(restart, person)
         emit(event_made.model_dump(), json, [_line(event_made)])
         return 0
     if timestamp is not None:

@@ -25,7 +25,7 @@ def override(
 ) -> None:
     """Override a failed result after the responsible persons have entered their PINs."""
     override_required(ignore_progress, result)
-    first, second = ask_people(by, confirmed_by, computer_user() or "", pin=True)
+    first, second = ask_people(by, confirmed_by, computer_user() or "", pin=True, reason=reason)
     overridden = override_result(ignore_progress, result, reason, first, second)
     people = [name for name in (overridden.by, overridden.confirmed_by) if name]
     emit(overridden.model_dump(), json, [say("cli.released", result=result, people=people)])

@@ -46,7 +46,7 @@ def report(
     if names_folder(out):
         certificate_folder(pdf)
     days = _day(issued), _day(received)
-    people = (None, None) if by == "" else ask_people(by, confirmed_by, computer_user() or "-")
+    people = (None, None) if by == "" else ask_people(by, confirmed_by, computer_user() or "-", reason=revise or "")
     request = ReportRequest(source, pdf, LANGUAGES[language], *days, revise, templates, dcc, sign, *people)
     with job_progress(say("cli.report_budget"), lambda stage: term("stage", stage) if stage else "") as progress:
         certificate, pdf = issue_report(progress, request)

@@ -214,8 +214,7 @@ class RegistersView(QWidget):
             try:
                 people = confirm("registers", *self._files(), first, second)
             except CalstationError as error:
-                self._show_failure(error)
-                self._people.retry()
+                self._people.retry(error)
                 return
             self._people.hide()
             request = replace(operation.request, operator=first.badge)

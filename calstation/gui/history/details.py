@@ -96,6 +96,7 @@ class RunDetails(QFrame):
         self._people = certificate_button.panel
         for asking in (release.open_changed, self._people.open_changed):
             asking.connect(self._make_room)
+        self._people.open_changed.connect(lambda asking: self.content_area.setVisible(not asking))
         release.open_changed.connect(self._offer_documents)
         self._lay_out()
         self._make_room()
@@ -143,8 +144,9 @@ class RunDetails(QFrame):
             self._show_actions()
 
     def _make_room(self, open_: bool = False) -> None:
-        """Show the plot that the tabs select, and none while inputs are `open_`."""
+        """Show the plot that the tabs select; inputs that are `open_` take its space and that of the buttons."""
         shown = self.curves.has_curves and self.plot_tabs.currentIndex() == 1
+        self._run_buttons.setVisible(not open_)
         self.plot_tabs.setVisible(self.curves.has_curves and not open_)
         self.curves.setVisible(shown and not open_)
         self.trend.setVisible(not shown and not open_ and self.trend.has_values)
@@ -160,16 +162,19 @@ class RunDetails(QFrame):
         column(*items, on=content, spacing=theme.GRID, margins=(0, 0, theme.GRID, 0))
         self.content_area = scroll_area(content, texts=True)
         runs = (self.result_button, self.log_button, self.record_button, self.folder_button, self.batch_button)
+        ends = (self.resume_button, self.close_button)
+        self._run_buttons = QWidget()
+        column(*(row(*((each, 1) for each in line)) for line in (ends, runs)), on=self._run_buttons)
         column(
             row((self._serial, 1), self.badge),
             (self.content_area, 5),
             self.plot_tabs,
             (self.trend, 3),
             (self.curves, 5),
-            row((self.resume_button, 1), (self.close_button, 1)),
-            row(*((each, 1) for each in runs)),
+            self._run_buttons,
             row(*((each, 1) for each in (*self._documents, self._release))),
             self._people,
+            None,
             on=self,
             margins=(2 * theme.GRID,) * 4,
         )

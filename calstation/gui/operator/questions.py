@@ -256,8 +256,7 @@ class StartDialog:
             try:
                 start.override(reason, first, second)
             except CalstationError as error:
-                ask(self._notice, "bad", error.as_text, {})
-                self.people.retry()
+                self.people.retry(error)
                 return
             self.people.hide()
             self._notice.dismiss()

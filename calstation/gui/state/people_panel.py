@@ -5,12 +5,12 @@ from contextlib import suppress
 from datetime import date
 from pathlib import Path
 
-from PySide6.QtCore import Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QHideEvent, QShowEvent
 from PySide6.QtWidgets import QFrame, QLabel, QLineEdit, QWidget
 
-from calstation.config import ConfirmationRequired, Person
-from calstation.errors import CalstationError
+from calstation.config import ConfirmationRequired, Person, require_no_pin
+from calstation.errors import CalstationError, ConfigurationError
 from calstation.gui.state.context import AppContext
 from calstation.gui.text import Words, bind, on_language_change, say
 from calstation.gui.widgets import Choice, NoticeBar, button, column, enable, grid, label, row, show_text, theme
@@ -19,6 +19,9 @@ from calstation.results import Result, override_required, override_result
 
 #: Function that receives the reason, the acting person, and the confirming person if one is required.
 ConfirmedCallback = Callable[[str, Person, Person | None], None]
+
+#: Lines below the fields that are kept free for a refusal.
+_REFUSAL_LINES = 2
 
 #: Object name of the button that closes the notice that nobody has signed in.
 _SIGN_IN = "sign_in_close_button"
@@ -39,7 +42,10 @@ def ask_to_sign_in(app: AppContext, notice: NoticeBar, title: Words, text: Words
 
 
 class PeoplePanel(QFrame):
-    """A panel that `ask` shows; the caller hides it after the action, or calls `retry` for another attempt."""
+    """A panel that `ask` shows; the caller hides it after the action, or calls `retry` for another attempt.
+
+    A refusal stands below the fields, which stay where they are, so that nobody types a PIN into another field.
+    """
 
     open_changed = Signal(bool)  #: Emitted with True when the panel opens, and with False when it closes.
     cancelled = Signal()  #: Emitted when a person cancels, after which no refusal of the action need be shown.
@@ -75,6 +81,10 @@ class PeoplePanel(QFrame):
         self._received.returnPressed.connect(self._confirm)
         self._received_caption.setBuddy(self._received)
         bind(self._received.setPlaceholderText, "window.received_hint")
+        self._error_words: Words = ""
+        self._error = label(kind="error", name=f"{name}_refusal_label", wrap=True)
+        self._error.setAlignment(Qt.AlignmentFlag.AlignTop)
+        self._error.setMinimumHeight(_REFUSAL_LINES * self._error.fontMetrics().lineSpacing())
         self._confirm_button = button(f"{name}_confirm_button", "window.confirm", self._confirm)
         self._date_error = label(kind="error", name=f"{name}_date_label", wrap=True)
         cancel = button(f"{name}_cancel_button", "common.cancel", self._cancel)
@@ -82,6 +92,7 @@ class PeoplePanel(QFrame):
             self._title,
             self._note,
             self._fields,
+            self._error,
             row(self._received_caption, self._received, None, cancel, self._confirm_button),
             self._date_error,
             on=self,
@@ -122,7 +133,7 @@ class PeoplePanel(QFrame):
             Whether to ask for the date of receipt of the unit, which may stay empty; see `received`.
         """
         self._words, self._confirmed, self._badges = words, then, required.badge
-        self._note_words = note
+        self._note_words, self._error_words = note, ""
         visible_fields = (reason, True, required.pin, required.second, required.second)
         for caption, edit, visible in zip(self._captions, self._edits, visible_fields, strict=True):
             edit.clear()
@@ -143,11 +154,16 @@ class PeoplePanel(QFrame):
         text = self._received.text().strip()
         return date.fromisoformat(text) if text else None
 
-    def retry(self) -> None:
-        """Clear the PINs after a refused attempt."""
+    def retry(self, error: CalstationError) -> None:
+        """Show why an attempt was refused, and clear the PINs."""
+        self._refuse(error)
+        self._edits[2].setFocus()
+
+    def _refuse(self, error: CalstationError) -> None:
+        self._error_words = error.as_text
         for edit in (self._edits[2], self._edits[4]):
             edit.clear()
-        self._edits[2].setFocus()
+        self._show_texts()
 
     def showEvent(self, event: QShowEvent) -> None:
         """Report that the panel is open."""
@@ -174,8 +190,16 @@ class PeoplePanel(QFrame):
     def _confirm(self) -> None:
         if not self._why_not():
             reason, badge, pin, second_badge, second_pin = (edit.text() for edit in self._edits)
+            first = Person(badge.strip(), pin)
             second = None if self._edits[3].isHidden() else Person(second_badge.strip(), second_pin)
-            self._confirmed(reason.strip(), Person(badge.strip(), pin), second)
+            try:
+                require_no_pin(reason, first, second)
+            except ConfigurationError as error:
+                self._refuse(error)
+                self._edits[0].selectAll()
+                self._edits[0].setFocus()
+                return
+            self._confirmed(reason.strip(), first, second)
 
     def _cancel(self) -> None:
         self.hide()
@@ -192,6 +216,7 @@ class PeoplePanel(QFrame):
             caption.setText(text)
         self._title.setText(say(self._words))
         show_text(self._note, say(self._note_words))
+        self._error.setText(say(self._error_words))
         self._refresh()
 
 
@@ -243,6 +268,7 @@ class ReleaseBar(QWidget):
         self._app.result_changed.emit(self._path)
 
     def _refuse(self, error: CalstationError) -> None:
-        show_text(self._error, say(error.as_text))
-        if not self._panel.isHidden():
-            self._panel.retry()
+        if self._panel.isHidden():
+            show_text(self._error, say(error.as_text))
+        else:
+            self._panel.retry(error)

@@ -207,11 +207,10 @@ class _IssueButton(_DocumentButton):
         """Follow the jobs; `title` is the code of the text of the button without them."""
         self._title, self._state_watch, self.watch = title, state_watch, watch
         for each in (state_watch, watch):
-            self._notice.report_failures(each, "operator.no_certificate", self._then)
+            each.failed.connect(self._report)
             each.busy_changed.connect(self._show_busy)
         watch.progress.connect(lambda *_: self._show_busy())
         watch.done.connect(lambda _: self.panel.hide())
-        watch.failed.connect(lambda _: self._retry())
         self.clicked.connect(self._ask)
         bind(self, self._text)
 
@@ -223,10 +222,12 @@ class _IssueButton(_DocumentButton):
         self._set_busy(self._state_watch.busy or self.watch.busy)
         self.setText(self._text())
 
-    def _retry(self) -> None:
-        """Keep what was entered on a refusal, except the PINs."""
-        if not self.panel.isHidden():
-            self.panel.retry()
+    def _report(self, error: CalstationError) -> None:
+        """Report an error, in the panel if it is open, in which what was entered remains, except the PINs."""
+        if self.panel.isHidden():
+            self._notice.report("operator.no_certificate", error, self._then)
+        else:
+            self.panel.retry(error)
 
     def _ask(self) -> None:
         self.panel.hide()
