@@ -17,6 +17,7 @@ from calstation.cli.app import run_app
 from calstation.config import Person, access
 from calstation.errors import InputError
 from calstation.judgement import Check
+from calstation.messages import sentence
 from calstation.records import audit_path, open_log
 from calstation.reports import source
 from calstation.results import Resolved, Result, load_result, override_result, resolve
@@ -172,8 +173,10 @@ def test_modified_result_entry_never_reaches_a_certificate(
 def test_digest_of_the_log_is_compared_even_if_missing_in_the_result(run: Honest) -> None:
     log = {**run.content["log"], "sha256": ""}
     run.path.write_text(json.dumps({**run.content, "log": log}), encoding="utf-8")
-    with raises_code(InputError, "report.other_log"):
+    with raises_code(InputError, "report.other_log") as caught:
         stated(run.path)
+    assert "or was changed after it was solved" in str(caught.value)
+    assert "或在解算后被改动" in sentence(caught.value.as_text, "zh_CN")
 
 
 def test_rounding_differences_of_another_computer_are_accepted_but_not_printed(solved_again: Honest) -> None:
