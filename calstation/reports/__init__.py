@@ -20,4 +20,10 @@ from calstation.reports.label import PrintedLabels, label_template, print_label,
 from calstation.reports.pdf import compile_template
 from calstation.reports.request import ReportRequest, station_request
 from calstation.reports.time_stamp import stamp_trail, verify_time_stamp
-from calstation.reports.verification import CertificateState, read_verified_trail, verify_certificate, verify_reports
+from calstation.reports.verification import (
+    CertificateState,
+    is_searched,
+    read_verified_trail,
+    verify_certificate,
+    verify_reports,
+)

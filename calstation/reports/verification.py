@@ -195,6 +195,16 @@ def _successors() -> dict[str, str]:
     return {certificate: last[number] for certificate, number in numbers.items()}
 
 
+def is_searched(file: Path, source: Path) -> bool:
+    """Return whether a verification of the audit trail seeks the file of a certificate of `source` where it is.
+
+    `source` is a result or log in its folder of runs.
+    """
+    runs = source.absolute().parent
+    folders = [*_report_folders(None), default_report_folder(runs), runs]
+    return file.absolute().parent.resolve() in {folder.resolve() for folder in folders}
+
+
 def _issued_files(report_folders: Sequence[Path]) -> Iterator[tuple[str, str, set[object], list[Path]]]:
     """Yield number, name, recorded SHA-256 and possible folders of every file of the certificates of the site."""
     digests: dict[tuple[str, str], set[object]] = {}

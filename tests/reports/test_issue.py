@@ -69,6 +69,28 @@ def first_page(path: Path) -> str:
 
 
 @pytest.mark.long
+@pytest.mark.parametrize(
+    ("language", "text"), [("en", "calstation check does not find"), ("zh_CN", "calstation check 找不到")]
+)
+def test_certificate_where_a_verification_does_not_look_is_noted(
+    gimbal: Made,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    language: str,
+    text: str,
+) -> None:
+    monkeypatch.setattr("calstation.cli.text.LANGUAGE", language)
+    runs, outside = gimbal.result_file.parent, tmp_path / f"{language}.pdf"
+    assert report(gimbal.result_file, "-o", runs / f"{language}.pdf") == 0
+    assert "".join(text.split()) not in "".join(capsys.readouterr().err.split())
+    assert report(gimbal.result_file, "-o", outside) == 0
+    noted = "".join(capsys.readouterr().err.split())
+    assert "".join(text.split()) in noted
+    assert outside.name in noted
+
+
+@pytest.mark.long
 def test_result_and_log_give_the_same_certificate_only_once(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
     first, second = gimbal.folder / "first.pdf", gimbal.folder / "second.pdf"
     assert report(gimbal.result_file, "-o", first) == 0

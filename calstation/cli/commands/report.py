@@ -13,7 +13,7 @@ from calstation.cli.text import say, term
 from calstation.config import computer_user
 from calstation.errors import ConfigurationError
 from calstation.messages import Language
-from calstation.reports import ReportRequest, certificate_folder, issue_report
+from calstation.reports import ReportRequest, certificate_folder, is_searched, issue_report
 
 #: Languages of a report by the value of `--language`.
 LANGUAGES: dict[str, Language] = {"en": "en", "zh": "zh_CN"}
@@ -53,6 +53,9 @@ def report(
     values = {"file": pdf, "number": certificate.identification, "issued": certificate.issued.isoformat()}
     verdict = term("report_verdict", certificate.verdict)
     show_line(plain_console(stderr=True), say("cli.report_written", **values, verdict=verdict))
+    outside = [str(file) for file in (pdf, dcc) if file is not None and not is_searched(file, source)]
+    if outside:
+        show_line(plain_console(stderr=True), say("cli.report_outside", files=outside))
 
 
 def _day(text: str | None) -> date | None:
