@@ -22,6 +22,7 @@ from calstation.config.confirmation import (
     confirm_at_site,
     confirmation_required,
     require_no_pin,
+    unlisted_engineer,
 )
 from calstation.config.editing import check, detect_kind, edit_toml, line_of, read_text
 from calstation.config.file_forms import FORMS, reference_form

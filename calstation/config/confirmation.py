@@ -1,13 +1,15 @@
 """Confirmation of an engineer's actions by a second engineer; badge and personal PIN identify both."""
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Literal
 
-from calstation.config import access
+from calstation.config import access, library
 from calstation.config.product import ProductConfig
 from calstation.config.request import Confirmation, plain_text
-from calstation.config.station import StationConfig
-from calstation.errors import ConfigurationError
+from calstation.config.station import StationConfig, load_station
+from calstation.errors import CalstationError, ConfigurationError
+from calstation.messages import Text
 
 #: Overriding a failed unit or check standard, writing registers outside a run, issuing a certificate or a revision, or
 #: printing an issued certificate again.
@@ -94,6 +96,15 @@ def confirm(
         _identify(person, engineers)
     by, confirmed_by = station.person(first.badge), None if second is None else station.person(second.badge)
     return Confirmation(by, confirmed_by, "personal" if engineers else "site")
+
+
+def unlisted_engineer(badge: str) -> Text | None:
+    """Return that no station of the site lists a badge as that of an engineer, whose PIN therefore proves nothing."""
+    for name in library.names("stations"):
+        with suppress(CalstationError):  # a damaged station file lists nobody
+            if badge in _engineers(load_station(library.find("stations", name))[1]):
+                return None
+    return Text.of("access.badge_unlisted", badge=badge)
 
 
 def require_no_pin(reason: str, *people: Person | None) -> None:

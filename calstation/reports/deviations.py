@@ -60,6 +60,13 @@ def not_included(certificate: Certificate, analysis: Analysis) -> Iterator[Text]
         yield Text.of("certificate.n_clock_tested", found=1e6 * worst.value, limit=1e6 * limit)
 
 
+def release(result: Result) -> Iterator[Text]:
+    """Yield who released a unit that failed, when and why."""
+    if (override := result.override) is not None:
+        people = ", ".join(filter(None, (override.by, override.confirmed_by)))
+        yield Text.of("certificate.d_released", by=people, date=override.utc[:10], why=override.why)
+
+
 def _end_deviations(result: Result) -> Iterator[Text]:
     fault: CalstationError | None = result.fault
     if fault is not None or result.error is not None:
@@ -74,9 +81,7 @@ def _end_deviations(result: Result) -> Iterator[Text]:
         yield Text("certificate.d_registers_kept")
     if result.registers is not None and result.registers.new is not None and not result.registers.verified:
         yield Text("certificate.d_unverified")
-    if result.override is not None:
-        people = ", ".join(filter(None, (result.override.by, result.override.confirmed_by)))
-        yield Text.of("certificate.d_released", by=people, date=result.override.utc[:10], why=result.override.why)
+    yield from release(result)
     if result.standard_override is not None:
         causes = [
             Text.of(f"quality.cause_{each.reason}", name=each.name, since=each.since)

@@ -42,7 +42,7 @@ from calstation.reports.content import (
     performed,
     unit_registers,
 )
-from calstation.reports.deviations import deviations, not_included
+from calstation.reports.deviations import deviations, not_included, release
 from calstation.reports.numbers import (
     NONE,
     check_unit,
@@ -165,6 +165,7 @@ class _Document:
             yield statement(self._result.temperature)
         if self._result.outcome == "resolved":
             yield Text("certificate.solved_again")
+        yield from release(self._result)
         if self._certificate.verdict is Verdict.FAILED and self._result.partial:
             yield Text.of("certificate.partial_failed", stages=self._result.stages)
 

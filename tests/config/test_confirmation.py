@@ -18,10 +18,13 @@ from calstation.config import (
     library,
     load_product,
     load_station,
+    unlisted_engineer,
 )
 from calstation.errors import ConfigurationError
+from calstation.messages import render, sentence
 from calstation.records import audit_path, read_audit
 from tests.helpers import raises_code
+from tests.site_folder import SiteFolder
 
 LI, WANG, ZHAO = Person("B0001", "111111"), Person("B0002", "222222"), Person("B0003", "333333")
 
@@ -188,3 +191,14 @@ def test_engineer_must_have_a_badge_of_the_station(entries: dict[str, Any]) -> N
 
 def test_pin_is_not_in_the_repr() -> None:
     assert "111111" not in repr(LI)
+
+
+def test_badge_that_no_station_lists_as_engineer_is_named(site_folder: SiteFolder, home: Path) -> None:
+    listing = SiteFolder(site_folder.folder, home)
+    listing.write(station={"sign_in": {"badge_pattern": r"B\d{4}", "engineers": ["B0001"]}})
+    (home / "stations" / "damaged.toml").write_text("name =", encoding="utf-8")
+    assert unlisted_engineer("B0001") is None
+    unlisted = unlisted_engineer("B9999")
+    assert unlisted is not None
+    assert "B9999" in sentence(unlisted)
+    assert "工牌 B9999" in render(unlisted.code, unlisted.values, "zh_CN").text

@@ -1224,7 +1224,7 @@ def test_registers_read_at_another_station_are_not_shown(engineer: Engineer, cod
     ("code", "reason", "written"),
     [
         ("en", "The result was simulated on a virtual bench", "egisters written"),
-        ("zh_CN", "该结果由虚拟台架仿真得到", "寄存器写入于"),
+        ("zh_CN", "该结果由虚拟台架模拟得到", "寄存器写入于"),
     ],
 )
 def test_simulated_result_is_not_written_to_a_real_unit(

@@ -177,11 +177,14 @@ def test_resumed_stage_shows_no_time_and_message_line_follows_the_language(simul
 
 @pytest.mark.long
 def test_verdict_is_cleared_by_another_product_or_station(simulated_run: Operator) -> None:
-    end_run(simulated_run, "passed")
+    end_run(simulated_run, "passed", simulated=True)
     assert simulated_run.verdict == "PASS"
     simulated_run.window.show_page("history_page")
     strip = next(s for s in simulated_run.window.findChildren(RunStrip) if s.isVisible())
-    assert f"{SERIAL}  ·  PASS" in [label.text() for label in strip.findChildren(QLabel)]
+    for code, text in (("en", "PASS, simulated"), ("zh_CN", "合格，模拟")):
+        simulated_run.window.app.set_language(code)
+        assert f"{SERIAL}  ·  {text}" in [label.text() for label in strip.findChildren(QLabel)], "as in the history"
+    simulated_run.window.app.set_language("en")
     simulated_run.window.show_page("operator_page")
     simulated_run.choose("nav_a")
     assert simulated_run.verdict == ""

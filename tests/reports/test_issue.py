@@ -287,8 +287,11 @@ def test_release_after_the_certificate_requires_a_later_revision(
     assert changes_of(result_file) == ()
     certificates = issued_certificates(ignore_progress, result_file.with_suffix(".h5"), None, "en")
     assert [each.released_since for each in certificates] == [True, False]
-    text = " ".join(" ".join(page.extract_text() for page in pypdf.PdfReader(out).pages).split())
-    assert "released although it failed, by wang on 2031-05-06: shock test" in text
+    pages = [" ".join(page.extract_text().split()) for page in pypdf.PdfReader(out).pages]
+    released = "released although it failed, by wang on 2031-05-06: shock test"
+    assert released in pages[0], "at the verdict"
+    assert sum(page.count(released) for page in pages) == 2, "and in the remarks"
+    assert "–: no version recorded" in " ".join(pages)
     assert report(result_file.with_suffix(".h5"), "-o", made.folder / "log.pdf") == 2
     assert "is not printed again" in " ".join(capsys.readouterr().err.split())
 

@@ -4,9 +4,9 @@ import typer
 
 from calstation.cli.confirmation import ask
 from calstation.cli.options import command_group
-from calstation.cli.show import emit
-from calstation.cli.text import say
-from calstation.config import access
+from calstation.cli.show import emit, plain_console, show_line
+from calstation.cli.text import say, sentence
+from calstation.config import access, unlisted_engineer
 
 app = command_group()
 
@@ -23,3 +23,6 @@ def pin(badge: str = "") -> None:
     new = typer.prompt(say("cli.ask_new_pin"), hide_input=True, confirmation_prompt=say("cli.ask_again"), err=True)
     access.set_pin(old, str(new), badge)
     emit({"badge": badge, "changed": exists}, None, [say("cli.pin_set")])
+    unlisted = unlisted_engineer(badge) if badge else None
+    if unlisted is not None:
+        show_line(plain_console(stderr=True), sentence(unlisted))

@@ -5,7 +5,7 @@ from pathlib import Path
 from PySide6.QtCore import QSignalBlocker
 from PySide6.QtWidgets import QLineEdit, QWidget
 
-from calstation.config import access
+from calstation.config import access, unlisted_engineer
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.fields import Row, panel
 from calstation.gui.state import AppContext
@@ -124,11 +124,12 @@ class PersonalSection(QWidget):
             self._show_pin_error(say(error.as_text), self._old)
             self._old.selectAll()
             return
+        unlisted = unlisted_engineer(self._badge) if self._badge else None
         for edit in self._pins:
             edit.clear()
         self.refresh()
-        self.pin_message.setText(say("settings.pin_changed"))
-        theme.set_kind(self.pin_message, "muted")
+        self.pin_message.setText(" ".join([say("settings.pin_changed"), *([say(unlisted)] if unlisted else [])]))
+        theme.set_kind(self.pin_message, "caution" if unlisted else "muted")
 
     def _show_pin_error(self, text: str, edit: QLineEdit) -> None:
         self.pin_message.setText(text)

@@ -86,6 +86,8 @@ def run_title(run: RunStatus) -> str:
     state = run_badge(run)[1]
     if run.chamber.must_stay_closed or run.occupied is not None or not run.serials or (run.in_slots and run.ended):
         return state
+    if run.ended and run.unit.result is not None and run.unit.result.simulated:
+        state = say("history.outcome_simulated", outcome=state)
     return f"{_units_text(run.serials)}  ·  {state}"
 
 
