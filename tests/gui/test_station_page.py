@@ -929,7 +929,8 @@ def test_personal_pin_of_an_engineer_requires_the_site_pin(page_driver: PageDriv
     for name, text in (("old_pin_edit", PIN), ("new_pin_edit", "333333"), ("new_pin_again_edit", "333333")):
         page_driver.type(name, text)
     page_driver.press("change_pin_button")
-    assert page_driver.page.personal.pin_message.text() == "The PIN has been changed."
+    message = page_driver.page.personal.pin_message.text()
+    assert message.startswith("The PIN has been changed. No station of this site lists badge B0003 as")
     assert role.check("333333", "B0003")
     assert role.check(PIN)
     assert old.placeholderText() == ""
