@@ -111,7 +111,7 @@ def test_one_command_solves_selected_logs_and_lists_changed_verdicts(
     sigma = resolve(wrong).result.parameters["accel_scale_x"].sigma
     assert compared["moves"]["accel_scale_x"]["largest"] == pytest.approx(20e-6 / sigma, rel=0.01)
     assert "5 not selected" in done.err
-    assert "1 of these logs are copies" in done.err
+    assert "1 copy of other logs" in done.err
     assert "1 log not affected by the changes" in done.err
     assert "logs left" in done.err
     assert rows(url) == 4

@@ -132,7 +132,11 @@ def test_table_counts_the_runs_that_signal(operator: Operator, page: QualityPage
     for line, (runs, signalling) in enumerate(cells(operator, "quality_quantities_table")[:6]):
         click_row(operator, "quality_quantities_table", line)
         if int(signalling):
-            assert operator.widget("quality_signals_label", QLabel).text().startswith(f"{signalling} of {runs} runs")
+            assert (
+                operator.widget("quality_signals_label", QLabel)
+                .text()
+                .startswith(f"Signals in {signalling} of {runs} runs")
+            )
 
 
 @pytest.mark.long
