@@ -40,10 +40,10 @@ _OF_MOUNTING = frozenset({
     "mount_unlike", "heading_unlike", "spikes", "stuck", "table_vibrates", "gyro_moving_bias", "accel_moving_bias",
     "excess_shift", "excess_scatter", "excess_there", "excess_spread", NO_SINGLE_EFFECT,
 })  # fmt: skip
-#: Causes that may be gone when the run is repeated, for instance after the unit has warmed up.
+#: Causes that may be gone when the run is repeated, for instance after the unit has warmed up, or on the link.
 _OF_TIME = frozenset({
     "temperature_changed", "drift", "drift_throughout", "jump", "jump_before", "gyro_bias_wanders", "changed_in_time",
-    "stages_disagree",
+    "stages_disagree", "samples_lost", "samples_repeated", "samples_doubled",
 })  # fmt: skip
 #: Ratio of the measured to the stated noise from which the noise is a cause.
 _NOTABLE_NOISE = 1.2
@@ -301,7 +301,7 @@ def advice(
         return None
     if verdict is not Verdict.FAILED:
         return "resume" if resumable else "repeat"
-    if remedy == "ask_engineer":
+    if remedy == "ask_engineer" and not shortened:
         return remedy
     if product.attempts_allowed is not None and failures >= product.attempts_allowed:
         return "set_aside"

@@ -88,7 +88,7 @@ def test_two_engineers_release_a_unit_on_the_history_page(operator: Operator, fa
     assert (confirm.isEnabled(), confirm.toolTip()) == (False, "Fill in every field")
     fill(operator, "history_release", second_pin="111111")
     operator.press("history_release_confirm_button")
-    error = operator.widget("history_release_error_label", QLabel)
+    error = operator.widget("history_release_refusal_label", QLabel)
     operator.until(lambda: "The PIN of B0002 is wrong." in error.text())
     assert "override" not in json.loads(failed.read_text("utf-8"))
     fill(operator, "history_release", pin="111111", second_pin="222222")
@@ -113,12 +113,12 @@ def test_a_release_can_be_cancelled(operator: Operator, failed: Path) -> None:
     people = {"badge": "B0001", "pin": "111111", "second_badge": "B0002", "second_pin": "111111"}
     fill(operator, "history_release", reason="label scratched", **people)
     operator.press("history_release_confirm_button")
-    error = operator.widget("history_release_error_label", QLabel)
+    error = operator.widget("history_release_refusal_label", QLabel)
     operator.until(lambda: "The PIN of B0002 is wrong." in error.text())
     operator.press("history_release_cancel_button")
-    assert error.text() == ""
     assert not operator.widget("history_release_panel").isVisible()
     open_panel(operator, "history_release")
+    assert error.text() == ""
     assert operator.widget("history_release_pin_edit", QLineEdit).text() == ""
     assert failed.read_bytes() == before
 

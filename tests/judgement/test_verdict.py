@@ -88,6 +88,7 @@ def test_failed_unit_with_a_stage_ended_by_hand_is_not_reseated(
     limited = product.model_copy(update={"attempts_allowed": 1})
     assert advice(limited, Verdict.FAILED, 1, resumable=False, remedy="ask_engineer") == "ask_engineer"
     assert advice(limited, Verdict.FAILED, 1, resumable=False, shortened=True) == "set_aside"
+    assert advice(product, Verdict.FAILED, 1, resumable=False, shortened=True, remedy="ask_engineer") == "repeat"
 
 
 @pytest.mark.parametrize(
@@ -99,6 +100,7 @@ def test_failed_unit_with_a_stage_ended_by_hand_is_not_reseated(
         (("excess_shift",), ["reseat", "repeat", "set_aside"]),
         (("drift",), ["repeat", "repeat", "set_aside"]),
         (("temperature_changed",), ["repeat", "repeat", "set_aside"]),
+        (("samples_lost",), ["repeat", "repeat", "set_aside"]),
         (("sample_clock",), ["ask_engineer"] * 3),
         (("clipped",), ["ask_engineer"] * 3),
         (("latitude_unlike",), ["ask_engineer"] * 3),

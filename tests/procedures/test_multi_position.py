@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import real_recordings as real
 from hand_recordings import QUICK, context_of, prior_of, recording, solved, unit
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from simulated_stages import block_of, geometry_of, with_effect
 from simulated_stages import context_of as table_context
@@ -17,9 +18,9 @@ from calstation.bench import BenchConfig
 from calstation.bench.truth import Simulator
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation import Solution
-from calstation.estimation.common import Posterior, SampleBlock
+from calstation.estimation.common import Posterior, SampleBlock, find_stillness, stage_data
 from calstation.estimation.effects import MAX_EXCESS, EffectEvidence, EffectTests
-from calstation.estimation.positions import fit_positions
+from calstation.estimation.positions import fit_positions, valid_links
 from calstation.physics import (
     EFFECTS,
     INDEX,
@@ -284,7 +285,7 @@ def without_motion(counts):
         (scale(slice(3, 6), 1.0 / 9.80665), "accel_unit", "(g instead of m/s²)"),
         (scale(slice(3, 6), 2.0), "accel_unit", "units are wrong by a factor of 2"),
         (scale(slice(0, 3), 180.0 / np.pi), "gyro_unit_no_rest", "(°/s instead of rad/s)"),
-        (scale(slice(0, 3), 0.5), "gyro_unit", "rates are multiplied by 1.98"),
+        (scale(slice(0, 3), 0.5), "gyro_unit", "rates are multiplied by 2.0"),
         (without_motion, "gyros_see_no_motion", "The gyros do not measure the motions"),
     ],
 )
@@ -327,6 +328,36 @@ def test_sound_recording_of_an_unknown_unit_is_accepted(grade, step):
     rough = replace(QUICK, velocity_sigma=8e-3)
     output = solved(recording(imu, 7, rough, step=np.deg2rad(step)), context_of(imu), prior_of(grade, 1000.0))
     assert not any(key == "motions_left_out" for key, _ in output.messages)
+
+
+@pytest.mark.parametrize(("turn", "duration", "lever"), [(180.0, 0.6, 0.1), (180.0, 1.0, 0.3), (150.0, 0.8, 0.3)])
+def test_fast_turns_about_a_distant_axis_do_not_look_like_a_wrong_factor(turn, duration, lever):
+    """The accelerations of the lever arm hide the course of gravity."""
+    imu, random = unit("mems", 3), np.random.default_rng(5)
+    period, C, rates, forces = 1.0 / imu.sample_rate, np.eye(3), [], []
+    for _ in range(12):
+        rates.append(np.zeros((round(4.0 / period), 3)))
+        forces.append(np.tile(9.8 * C[2], (len(rates[-1]), 1)))
+        phase = (np.arange(round(duration / period)) + 0.5) / round(duration / period)
+        angle = np.deg2rad(turn) * (phase - np.sin(2 * np.pi * phase) / (2 * np.pi))
+        rate = np.deg2rad(turn) / duration * (1.0 - np.cos(2 * np.pi * phase))
+        change = np.deg2rad(turn) / duration**2 * 2 * np.pi * np.sin(2 * np.pi * phase)
+        azimuth, arm = random.uniform(0.0, 2 * np.pi), random.normal(size=3)
+        axis, arm = C.T @ [np.cos(azimuth), np.sin(azimuth), 0.0], lever / np.linalg.norm(arm) * arm
+        up = Rotation.from_rotvec(angle[:, None] * axis).inv().apply(C[2])
+        rates.append(rate[:, None] * axis)
+        centripetal = np.cross(axis, np.cross(axis, arm))
+        forces.append(9.8 * up + change[:, None] * np.cross(axis, arm) + rate[:, None] ** 2 * centripetal)
+        C = C @ Rotation.from_rotvec(np.deg2rad(turn) * axis).as_matrix()
+    rates.append(np.zeros((round(4.0 / period), 3)))
+    forces.append(np.tile(9.8 * C[2], (len(rates[-1]), 1)))
+    measured = np.hstack([np.vstack(rates), np.vstack(forces)])
+    noise = np.repeat([imu.gyro_arw, imu.accel_vrw], 3) / np.sqrt(period)
+    counts = np.round((measured + random.normal(size=measured.shape) * noise) / imu.count_size)
+    seq = np.arange(len(counts))
+    data = stage_data([SampleBlock.without_table("multi_position", seq, seq * period, counts)], imu)
+    still = find_stillness(data, imu, 1.0)
+    assert len(valid_links(data, still, imu, 9.8, prior_of("mems"), 1.0)) == 12
 
 
 def test_rotations_that_scatter_by_tens_of_degrees_are_refused(mems, monkeypatch):

@@ -60,11 +60,11 @@ GYRO_UNITS = (
     ("mrad/s", "rad/s", 1e-3),
     ("m°/s", "rad/s", np.pi / 180e3),
 )
-#: Factors, relative to that from the course of gravity, that are tried if no confusion of units explains the rotations;
-#: successive ones differ by 3 %.
-FACTORS = np.exp(np.linspace(np.log(0.5), np.log(2.0), 47))
-#: Largest factor between the rates and those from the course of gravity during motions, which a hand disturbs.
-MAX_FACTOR = 2.0
+#: Factors that are tried if no confusion of units explains the rotations; successive ones differ by 3 %.
+FACTORS = np.exp(np.linspace(np.log(0.1), np.log(10.0), 154))
+#: Largest factor between the rates and those from the course of gravity during motions, and the smallest squared
+#: correlation of the two with which a factor is known: fast motions of the hand add forces.
+MAX_FACTOR, MIN_CORRELATION = 2.0, 0.8
 #: Longest interval in which the course of gravity is compared with the rates, s.
 _COURSE_WINDOW = 2.0
 #: Largest fraction of motions that contradict gravity and are omitted.
@@ -117,9 +117,7 @@ def valid_links(
             raise _short_rests_error(still, shortest)
         raise InsufficientDataError("recording.one_position", rests=len(up))
     contradictory = _contradicting(data, turns, prior, gravity, compensation(prior.mean).gyro_inverse)
-    if contradictory.sum() > MAX_CONTRADICTORY * len(turns) or not _is_plausible(
-        _rate_factor(data, turns, np.eye(3))[0]
-    ):
+    if contradictory.sum() > MAX_CONTRADICTORY * len(turns) or _has_wrong_factor(data, turns, np.eye(3)):
         raise _contradiction_error(data, turns, prior, gravity)
     return tuple(turn.link for turn, is_contradictory in zip(turns, contradictory, strict=True) if not is_contradictory)
 
@@ -296,15 +294,23 @@ def _contradiction_error(data: StageData, turns: list[_Turn], prior: Posterior, 
     signs, orders = itertools.product((1.0, -1.0), repeat=3), itertools.permutations(range(3))
     permutations = [np.array(s)[:, None] * np.eye(3)[list(order)] for order, s in itertools.product(orders, signs)]
     axes = min(permutations, key=lambda P: float(_gravity_error(data, turns, P).sum()))
-    if _is_plausible(_rate_factor(data, turns, axes)[0]) and explains(axes):
+    if explains(axes) and not any(_has_wrong_factor(data, turns, P) for P in (np.eye(3), axes)):
         return InputError("recording.axes_differ", swaps=_swaps(axes))
-    about, _ = max((_rate_factor(data, turns, P) for P in permutations), key=lambda pair: pair[1])
-    factors = [k for k in (*(slip[2] for slip in GYRO_UNITS), *about * FACTORS) if _is_plausible(k / about)]
-    factor = min(factors, key=lambda k: float(_gravity_error(data, turns, k * np.eye(3)).sum()), default=about)
-    if not _is_plausible(about) or explains(factor * np.eye(3)):
+    about, correlation = max((_rate_factor(data, turns, P) for P in permutations), key=lambda pair: pair[1])
+    is_known = correlation > MIN_CORRELATION
+    tried = [*(slip[2] for slip in GYRO_UNITS), *(about * FACTORS if is_known else FACTORS)]
+    factors = [k for k in tried if not is_known or _is_plausible(k / about)]
+    factor = min(factors, key=lambda k: float(_gravity_error(data, turns, k * np.eye(3)).sum()))
+    if explains(factor * np.eye(3)):
         return InputError("recording.gyro_unit", factor=float(factor), slip=_unit_slip(GYRO_UNITS, factor))
     angle = float(np.rad2deg(error.max()))
     return InputError("recording.contradictory", motions=len(turns), angle_deg=angle, **span)
+
+
+def _has_wrong_factor(data: StageData, turns: list[_Turn], gyro_inverse: FloatArray) -> bool:
+    """Return whether the course of gravity shows that the rates have another factor."""
+    factor, correlation = _rate_factor(data, turns, gyro_inverse)
+    return correlation > MIN_CORRELATION and not _is_plausible(factor)
 
 
 def _is_plausible(factor: float) -> bool:
