@@ -14,7 +14,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
 from urllib.parse import quote, urlsplit
@@ -72,6 +72,10 @@ class PortOwner:
             os.kill(self.pid, signal.SIGTERM)
             return True
         return False
+
+
+#: Keys of a lock file; another version of the program may write more.
+_OWNER_KEYS = tuple(field.name for field in fields(PortOwner) if field.name != "file")
 
 
 def find_station_owner(path: Path | None, done: Callable[[Path | None, PortOwner | None], None]) -> None:
@@ -169,7 +173,8 @@ def _owner_of(path: Path) -> PortOwner | None:
 
 def _read_owner(path: Path) -> PortOwner | None:
     try:
-        return PortOwner(path, **parse_json(path.read_bytes()))
+        content = parse_json(path.read_bytes())
+        return PortOwner(path, **{key: content[key] for key in _OWNER_KEYS if key in content})
     except (OSError, ValueError, TypeError):
         return None
 

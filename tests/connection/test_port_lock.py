@@ -1,5 +1,6 @@
 """Each port has one owner; a second process is refused before it opens the port, and the error names the owner."""
 
+import json
 import multiprocessing
 import os
 import signal
@@ -251,3 +252,14 @@ def test_unresolvable_host_name_is_locked_by_its_name(monkeypatch: pytest.Monkey
     monkeypatch.setattr(socket, "getaddrinfo", unknown)
     with lock_ports(["tcp://table.invalid:502"]):
         assert refused("socket://table.invalid:502")
+
+
+def test_owner_is_read_from_a_lock_file_with_keys_of_a_later_version(
+    opened: tuple[Station, list[bytes]],
+) -> None:
+    station, port = load_station(opened[0].station)[1], f"tcp://{opened[0].address}"
+    with lock_ports([port]):
+        written = station_owner(station)
+        assert written is not None
+        written.file.write_text(json.dumps({**json.loads(written.file.read_bytes()), "host": "pc-2", "file": "x"}))
+        assert station_owner(station) == written

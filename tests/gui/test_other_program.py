@@ -229,11 +229,7 @@ def test_fault_of_a_port_in_use_names_stop_and_goes_when_the_other_program_ends(
 ) -> None:
     hardware.window.app.set_language(code)
     with owner(port_lock.ENGINE) as process:
-        start_engine(hardware)
-        link = hardware.window.app.engine_link
-        values = {"port": "tcp://127.0.0.1:9", "pid": process.pid, "user": "wang", "since": "2026-07-01T03:03:00+00:00"}
-        link.event.emit(Fault("PortLockError", "", 3, "connection.port_in_use", values))
-        link._end()
+        fail_to_start(hardware, "connection.port_in_use", in_use_by(process))
         hardware.until(lambda: remedy in hardware.says())
         press_stop(hardware)
         assert told in hardware.message
@@ -241,6 +237,27 @@ def test_fault_of_a_port_in_use_names_stop_and_goes_when_the_other_program_ends(
         hardware.until(lambda: hardware.run.state == "idle", 5.0)
         assert hardware.run.fault is None
         assert "tcp://" not in hardware.says()
+
+
+def test_fault_of_a_port_whose_owner_is_unreadable_stays(hardware: Operator) -> None:
+    with owner(port_lock.ENGINE):
+        port_lock._lock_file("loopback:9").write_text("", encoding="utf-8")
+        fail_to_start(hardware, "connection.port_in_use_unknown", {"port": "tcp://127.0.0.1:9"})
+        hardware.qtbot.wait(2500)
+        assert hardware.run.fault is not None
+
+
+def in_use_by(process: "subprocess.Popen[str]") -> dict[str, object]:
+    """Return the values of the fault of a port that a process uses."""
+    return {"port": "tcp://127.0.0.1:9", "pid": process.pid, "user": "wang", "since": "2026-07-01T03:03:00+00:00"}
+
+
+def fail_to_start(operator: Operator, code: str, values: dict[str, object]) -> None:
+    """Let the engine of this window end with a fault before it opens its ports."""
+    start_engine(operator)
+    link = operator.window.app.engine_link
+    link.event.emit(Fault("PortLockError", "", 3, code, values))
+    link._end()
 
 
 def test_shift_is_counted_again_when_the_run_of_another_program_ends(hardware: Operator) -> None:

@@ -74,7 +74,9 @@ class PortWatch(QObject):
             if previous is not None and stopping and self._owner != previous:
                 self.stopped.emit(Text.of("question.program_stopped", pid=previous.pid, user=previous.user))
             request = self._link.request
-            if owner is None and _in_use(self._run) and request is not None and request.station == station:
+            # the owner of a lock file without a readable owner may still be running
+            known = self._run.fault is not None and self._run.fault.code == "connection.port_in_use"
+            if owner is None and known and request is not None and request.station == station:
                 self.freed.emit()
 
     def _set_owner(self, owner: PortOwner | None) -> None:
