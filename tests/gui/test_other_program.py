@@ -4,7 +4,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -215,6 +215,29 @@ def test_stop_of_a_run_that_has_opened_its_ports_stops_nothing_else(hardware: Op
         press_stop(hardware)
         hardware.qtbot.wait(1500)
         assert process.poll() is None
+
+
+@pytest.mark.parametrize("later", ["read", "owner"])
+def test_stop_is_not_passed_to_a_later_run(hardware: Operator, monkeypatch: pytest.MonkeyPatch, later: str) -> None:
+    watch, done = hardware.window.app.port_watch, Mock()
+    hardware.until(lambda: not watch._reading)
+    watch.leave()
+    monkeypatch.setattr("calstation.gui.state.port_watch.find_station_owner", done)
+    now = datetime.now(UTC)
+    since = now + timedelta(minutes=1) if later == "owner" else now - timedelta(minutes=1)
+    owner = Mock(pid=1, parent=None, since=since.isoformat(timespec="seconds"), user="wang")
+    watch._look()
+    if later == "read":
+        start_engine(hardware)
+    hardware.run.stop()  # during a read
+    if later == "read":
+        hardware.window.app.engine_link.event.emit(StateChanged("preparing", "idle"))
+        watch._show(watch._station, None)
+        hardware.run.state = "idle"
+        watch._look()
+    watch._show(watch._station, owner)
+    assert hardware.run.program is not None
+    owner.stop.assert_not_called()
 
 
 @pytest.mark.parametrize(

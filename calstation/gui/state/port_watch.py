@@ -2,6 +2,7 @@
 
 import os
 from contextlib import suppress
+from datetime import UTC, datetime
 from pathlib import Path
 
 from PySide6.QtCore import QObject, QTimer, Signal
@@ -32,6 +33,7 @@ class PortWatch(QObject):
         self._effect = ""  #: Effect of STOP on the owner, ``stopping`` or ``not_stopped``; "" before STOP.
         self._reading = False
         self._stop_reads = 0  #: Number of reads whose owner is stopped, because STOP was pressed before they ended.
+        self._stop_since = ""  #: Time at which it was pressed, ISO 8601 in UTC.
         self._timer = QTimer(self, interval=_INTERVAL_MS)
         self._timer.timeout.connect(self._look)
         self._read.connect(self._show)
@@ -40,7 +42,7 @@ class PortWatch(QObject):
     def watch(self, station: Path | None) -> None:
         """Watch the ports of a station file, by default of the virtual bench, which has none."""
         if station != self._station:
-            self._station = station
+            self._station, self._stop_reads = station, 0
             self._set_owner(None)
         self._timer.start()
         self._look()
@@ -51,6 +53,7 @@ class PortWatch(QObject):
 
     def _look(self) -> None:
         if self._run.in_progress and self._run.commanded:  # it has locked the ports
+            self._stop_reads = 0
             self._set_owner(None)
         elif not self._reading:
             self._reading = True
@@ -67,7 +70,7 @@ class PortWatch(QObject):
             own = owner is not None and os.getpid() in (owner.pid, owner.parent)
             previous, stopping = self._owner, self._effect == "stopping"
             self._set_owner(None if own else owner)
-            if stop_reads and self._owner is not None:
+            if stop_reads and self._owner is not None and self._owner.since <= self._stop_since:
                 self._stop_owner(self._owner)
             elif stop_reads > 1:
                 self._look()
@@ -90,6 +93,7 @@ class PortWatch(QObject):
             if self._owner is not None:
                 self._stop_owner(self._owner)
                 return
+            self._stop_since = datetime.now(UTC).isoformat(timespec="seconds")
             self._stop_reads = 1 + self._reading  # the present read may have begun before that program
             self._look()
 
