@@ -11,7 +11,7 @@ from unittest.mock import Mock
 import pytest
 import tomli_w
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QLabel, QPushButton
+from PySide6.QtWidgets import QLabel, QLineEdit, QPushButton
 
 from calstation.config import RunRequest
 from calstation.connection import port_lock
@@ -238,6 +238,33 @@ def test_stop_is_not_passed_to_a_later_run(hardware: Operator, monkeypatch: pyte
     watch._show(watch._station, owner)
     assert hardware.run.program is not None
     owner.stop.assert_not_called()
+
+
+@pytest.mark.parametrize("waiting", ["typed", "scanned", "badge"])
+def test_end_of_the_other_program_leaves_what_is_entered(hardware: Operator, waiting: str) -> None:
+    edit = hardware.widget("serial_edit", QLineEdit)
+    with owner(port_lock.ENGINE) as process:
+        fail_to_start(hardware, "connection.port_in_use", in_use_by(process))
+        hardware.until(lambda: hardware.run.fault is not None)
+        if waiting == "scanned":
+            hardware.scan("SN-000077")
+            assert "Understood first" in hardware.says()
+        elif waiting == "typed":
+            hardware.qtbot.keyClicks(edit, "SN-00007")
+        else:
+            hardware.widget("operator_edit", QLineEdit).setFocus()
+        accepted = hardware.widget("serial_symbol").isVisible()
+        process.kill()
+        hardware.until(lambda: hardware.run.fault is None, 10.0)
+    assert edit.text() == {"typed": "SN-00007", "scanned": "SN-000077", "badge": ""}[waiting]
+    assert hardware.widget("serial_symbol").isVisible() == accepted == (waiting == "scanned")
+    assert "Understood first" not in hardware.says()
+    assert hardware.widget("start_button").isEnabled() == (waiting != "badge")
+    if waiting == "typed":
+        hardware.qtbot.keyClicks(edit, "7")
+        assert edit.text() == "SN-000077"
+    elif waiting == "badge":
+        assert hardware.widget("operator_edit").hasFocus()
 
 
 @pytest.mark.parametrize(

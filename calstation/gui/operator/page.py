@@ -162,7 +162,7 @@ class OperatorPage(Page):
         header.serial_edit.textChanged.connect(lambda text: self._loading.show_serial(text.strip()))
         header.serial_edited.connect(self._documents.dismiss)
         app.port_watch.stopped.connect(lambda notice: ask(self._documents, "stopped", notice, {}))
-        app.port_watch.freed.connect(self._acknowledge)
+        app.port_watch.freed.connect(self._port_freed)
         self.notice.changed.connect(self._show_readiness)
         header.product_combo.opening.connect(self._mark_products)
         header.product_selected.connect(app.set_product)
@@ -298,6 +298,10 @@ class OperatorPage(Page):
         self._starting.await_unit()
         self._offer_due = True
         self._offer_after_fault()
+
+    def _port_freed(self) -> None:
+        """Clear the fault of a port that is no longer in use, without disturbing somebody who enters a number."""
+        self._starting.drop_fault() if self._starting.being_used else self._acknowledge()
 
     def _offer_after_fault(self) -> None:
         """Offer what remains to do after a fault, once its chamber is at ambient or has been looked at."""

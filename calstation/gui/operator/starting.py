@@ -59,6 +59,8 @@ class RunStarter(QObject):
         self.interrupted = InterruptedRuns(app, header, notice, self._resume)
         #: Whether the question about an interrupted run was open when the notice last changed.
         self._resume_asked = False
+        #: Whether the notice says that the fault must be closed first.
+        self._fault_named = False
         notice.changed.connect(self._question_changed)
         header.serial_entered.connect(self.scan)
         header.serial_edited.connect(self.edited)
@@ -117,6 +119,7 @@ class RunStarter(QObject):
 
     def _question_changed(self) -> None:
         """Replace the suggested units when the question about an interrupted run is asked or has been answered."""
+        self._fault_named = False
         if self.interrupted.asking != self._resume_asked:
             self._resume_asked = self.interrupted.asking
             if self.slots and self.refused is None and not self._app.engine_link.running:
@@ -135,6 +138,17 @@ class RunStarter(QObject):
         self.suggest()
         if not (scanned and self.check()):
             self._header.focus_scan()
+
+    @property
+    def being_used(self) -> bool:
+        """Whether something is entered, which Enter may not have ended, or a notice is displayed."""
+        return bool(self._header.serial) or self._header.operator_edit.hasFocus() or not self._notice.isHidden()
+
+    def drop_fault(self) -> None:
+        """Clear the fault, and the notice that it must be closed, without checking what is entered."""
+        if self._fault_named:
+            self._notice.dismiss()
+        self._app.run.acknowledge()
 
     def offer_unfinished(self) -> None:
         """After a run, ask about its units with unverified registers.
@@ -201,6 +215,7 @@ class RunStarter(QObject):
         self._signal(accepted=accepted)
         if accepted and self._app.run.fault is not None:
             ask(self._notice, "caution", Text("operator.fault_below"), {})
+            self._fault_named = True
         elif accepted and self._notice.isHidden():
             self._remind()
         self._scanned_early = accepted and self._app.run.reading_runs
