@@ -290,6 +290,27 @@ def test_failures_in_closing_earlier_runs_are_reported(operator: Operator) -> No
     assert "Hand-over: 2 results waiting, because share cannot be reached (no response within 5 s)." in operator.says()
 
 
+@pytest.mark.parametrize(
+    ("code", "waiting", "left"),
+    [("en", "2 results waiting", "Registers not verified: SN-7"), ("zh_CN", "2 ", "寄存器尚未验证：SN-7")],
+)
+@pytest.mark.parametrize("occupied", [False, True])
+def test_notice_at_the_start_names_waiting_results_and_unverified_registers(
+    operator: Operator, code: str, waiting: str, left: str, occupied: bool
+) -> None:
+    operator.window.app.set_language(code)
+    interrupted = operator.window.operator_page._starting.interrupted
+    operator.until(lambda: not interrupted._first)
+    if occupied:
+        operator.run.set_elsewhere(((SERIAL,), "running"))
+    delivery = Delivery(Path("share"), 0, 2, Text.of("handover.no_answer", seconds=5.0))
+    interrupted._recovery.done.emit(StartupRecovery((), delivery, ("SN-7",)))
+    notice = operator.says()
+    assert waiting in notice
+    assert "share" in notice
+    assert (left in notice) is not occupied, "the other window may be writing the registers"
+
+
 @pytest.mark.usefixtures("engineer_page")
 @pytest.mark.long
 @pytest.mark.parametrize("outcome", ["passed", "failed", "stopped"])

@@ -11,6 +11,7 @@ from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.questions import ask, refusal
 from calstation.gui.state import AppContext
+from calstation.gui.text import rendered
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
 from calstation.results import Delivery
@@ -50,6 +51,8 @@ class InterruptedRuns(QObject):
         self._first = False  #: Whether the first search after it has not ended.
         #: Units with unverified registers, which are named once no question is open.
         self._unverified: tuple[str, ...] = ()
+        #: Outcome of the hand-over at the start, until it has been shown.
+        self._delivery: Delivery | None = None
         #: Start of the run that left the chamber at an unknown temperature; "" for none.
         self._left = ""
         self._chamber = app.job(self, find_chamber_left, self._chamber_found, failed=self._chamber_not_found)
@@ -125,21 +128,25 @@ class InterruptedRuns(QObject):
             self._notice.report("operator.earlier_not_closed", error, self.offer)
 
     def _recovered(self, done: StartupRecovery) -> None:
-        self._unverified = done.unverified
-        self._show_delivery(done.delivery)
-        self._show_unverified()
+        self._delivery, self._unverified = done.delivery, done.unverified
+        self._show_recovery()
 
-    def _show_unverified(self) -> None:
-        """Name the units whose registers were not verified, after the questions about interrupted runs."""
-        if self._unverified and not (self._first or self._notice.asking or self._app.engine_link.running):
-            ask(self._notice, "caution", Text.of("question.registers_left", serials=self._unverified), {})
-            self._unverified = ()
+    def _show_recovery(self) -> None:
+        """Name the units with unverified registers and why results were not delivered, when no question is open.
 
-    def _show_delivery(self, delivery: Delivery) -> None:
-        """Show why results could not be delivered."""
-        if delivery.waiting and not self._notice.asking:
+        Another program that uses the station may be writing the registers now.
+        """
+        if self._first or self._notice.asking or self._app.engine_link.running:
+            return
+        delivery, unverified = self._delivery, () if self._app.run.occupied is not None else self._unverified
+        self._delivery, self._unverified = None, ()
+        notices = [Text.of("question.registers_left", serials=unverified)] if unverified else []
+        if delivery is not None and delivery.waiting:
             values = {"count": delivery.waiting, "folder": str(delivery.folder), "reason": delivery.reason}
-            self._notice.ask("caution", Text("event.handover_waiting", values), "")
+            notices.append(Text("event.handover_waiting", values))
+        if notices:
+            first, *others = notices
+            self._notice.ask("caution", lambda: rendered(first).text, lambda: _remedy(first, others))
 
     def offer(
         self, serials: Collection[str] = (), log: Path | None = None, otherwise: Callable[[], None] = lambda: None
@@ -172,7 +179,7 @@ class InterruptedRuns(QObject):
                 each for each in mounted if each.runs and (not units or any(run.serial in units for run in each.runs))
             ]
             self._offer(offered) if offered else self._otherwise()
-            self._show_unverified()
+            self._show_recovery()
             return
         selected = [each for each in found if self._log.name in {log.name for log in each.logs}]
         if selected:
@@ -189,7 +196,7 @@ class InterruptedRuns(QObject):
     def _offer(self, found: list[Interrupted]) -> None:
         """Ask whether to resume or close the first run or batch, then ask about the others."""
         if not found or self._notice.asking:
-            self._show_unverified()
+            self._show_recovery()
             return
         first, others = found[0], found[1:]
         answers = {
@@ -211,3 +218,8 @@ class InterruptedRuns(QObject):
     def _closed(self, results: list[Path]) -> None:
         for result in results:
             self._app.result_changed.emit(result)
+
+
+def _remedy(first: Text, others: list[Text]) -> str:
+    """Return the remedy for a notice, and the other notices below it."""
+    return "\n".join(filter(None, [rendered(first).remedy, *(rendered(each).text for each in others)]))
