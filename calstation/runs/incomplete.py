@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from calstation.config import load_station
+from calstation.config import StationConfig, load_station
 from calstation.errors import CalstationError, ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.judgement import End, judge, verdict_of
@@ -22,7 +22,7 @@ from calstation.records import (
     solved_stages,
     stages_ended_by_hand,
 )
-from calstation.registers import journal, journal_folder, open_transfer
+from calstation.registers import Transfer, journal, journal_folder, open_transfer
 from calstation.results import (
     Delivery,
     Ending,
@@ -155,8 +155,24 @@ def _unverified(runs: Path, station: Path | None) -> tuple[str, ...]:
     """Return the units with an open transfer; a damaged journal or station file is reported when a run starts."""
     serials = []
     with suppress(CalstationError):
-        folder = journal_folder(load_station(station)[1], runs)
+        here = load_station(station)[1]
+        folder = journal_folder(here, runs)
         for serial in journal.serials(folder):
             with suppress(CalstationError):
-                serials += [serial] if open_transfer(folder, serial) is not None else []
+                transfer = open_transfer(folder, serial)
+                serials += [serial] if transfer is not None and _was_left(transfer, runs, here) else []
     return tuple(serials)
+
+
+def _was_left(transfer: Transfer, runs: Path, station: StationConfig) -> bool:
+    """Return whether an open transfer is not that of another station or of a run in progress, as the run's log shows.
+
+    A run of hardware whose log is in another folder is that of another station.
+    """
+    log = runs / transfer.source
+    if transfer.why != "run" or not log.exists():
+        return transfer.why != "run" or station.bench is not None
+    with suppress(InputError):  # a log that cannot be read is not being written
+        run = open_log(log).meta.run
+        return not being_written(log) and (run is None or run.station in (None, station.name))
+    return True

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from helpers import ignore_progress
 
-from calstation.config import site_folder
+from calstation.config import load_station, site_folder
 from calstation.errors import InputError
 from calstation.messages import Language, render
 from calstation.records import (
@@ -42,6 +42,7 @@ from calstation.results import history as history_module
 from calstation.runs import find_resumable, recover_at_startup
 from tests.check_rows import check_row
 from tests.helpers import raises_code, write_log_of
+from tests.open_transfers import write_open_transfer
 from tests.records.records_samples import META, make_block
 
 #: Product of the runs that `write` writes.
@@ -607,3 +608,19 @@ def test_runs_count_for_all_stations_but_resume_only_where_the_log_is(three: Pat
     with raises_code(InputError, "result.elsewhere"):
         history.result(history.of("SN-1")[0])
     assert find_resumable(ignore_progress, three) == []
+
+
+@pytest.mark.parametrize("case", ["left", "in_progress", "other_station"])
+def test_startup_names_only_transfers_that_were_left_at_this_station(tmp_path: Path, case: str) -> None:
+    station = "elsewhere" if case == "other_station" else load_station(None)[1].name
+    meta = {**META, "run": {**META.get("run", {}), "station": station}}
+    writer = RawLogWriter(tmp_path / "a.h5", LogMeta.model_validate(meta))
+    writer.append(make_block("rate", 0, 100))
+    writer.flush()
+    if case != "in_progress":
+        (tmp_path / "a.h5").rename(tmp_path / "going.hdf")
+        shutil.copyfile(tmp_path / "going.hdf", tmp_path / "a.h5")
+    write_open_transfer(tmp_path, "SN-7")
+    recovery = recover_at_startup(lambda *_: None, tmp_path, None)
+    assert recovery.unverified == (("SN-7",) if case == "left" else ())
+    del writer
