@@ -57,9 +57,16 @@ _SIGNATURES = {
 _MARKER = "\ue000"
 
 #: A unit such as ``m/s/√s``.
-_UNIT = r"(?:√?[µmk]?(?:rad|deg|°C?|ppm|Hz|min|m|s|g|h|K|1|%)[²³]?)(?:[/·]√?[µmk]?(?:rad|°|Hz|min|m|s|g|h|K)[²³]?)*"
-#: Comments that contain the value in another unit or as a formula: the unit first, or only at the end.
-_CONVERSIONS = re.compile(rf"#\s*({_UNIT})[,;:]\s.*\d.*"), re.compile(rf"#\s*[\d.][\d./^()·\s-]*\s({_UNIT})$")
+_UNIT = r"(?:√?[µmk]?(?:rad|deg|°C?|ppm|Hz|min|m|s|g|h|K|%)[²³]?)(?:[/·]√?[µmk]?(?:rad|°|Hz|min|m|s|g|h|K)[²³]?)*"
+_NUMBER = r"\d+(?:\.\d+)?(?:[eE][+−-]?\d+)?"
+#: A number or a formula such as ``0.1/(3600 · 256)``.
+_AMOUNT = rf"\(?{_NUMBER}(?:\)?\s*[/·×*^]\s*\(?[+−-]?{_NUMBER})*\)?"
+#: Comments with nothing but the value in another unit or as a formula: the unit first, or an SI unit at the end.
+_CONVERSIONS = (
+    re.compile(rf"#\s*({_UNIT})[,;:]\s+[±+−-]?\s?{_AMOUNT}\s*{_UNIT}\s*"),
+    re.compile(rf"#\s*(1)[,;:]\s+[±+−-]?\s?{_AMOUNT}\s*(?:ppm|%)\s*"),
+    re.compile(rf"#\s*{_AMOUNT}\s+((?:rad|m|s|Hz|K)(?:[/·]√?(?:s|m|Hz)²?)*)\s*"),
+)
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 
@@ -260,7 +267,7 @@ def line_of(text: str, keys: KeyPath) -> int:
 def edit_toml(text: str, changes: Mapping[KeyPath, Any]) -> str:
     """Change some values of a text and leave everything else, including comments, unchanged.
 
-    Of a comment that repeats a changed value in another unit, only the unit remains.
+    Of a comment that only repeats a changed value in another unit, the unit remains.
 
     `changes` contains new values by entry; None removes the value, and its table if it becomes empty.
     """
@@ -295,7 +302,8 @@ def _set_value(text: str, key_path: KeyPath, value: Any) -> str:
     if before != value:
         trivia = tomlkit.items.item(table[key]).trivia
         for conversion in _CONVERSIONS:
-            trivia.comment = conversion.sub(r"# \1", trivia.comment)
+            if match := conversion.fullmatch(trivia.comment):
+                trivia.comment = f"# {match[1]}"
     return tomlkit.dumps(document)
 
 

@@ -236,6 +236,23 @@ def test_comment_does_not_repeat_the_previous_value_in_another_unit(
     assert new.split(" #")[1] == (old.split(" #")[1] if after is None else after.removeprefix("#"))
 
 
+@pytest.mark.parametrize(
+    ("comment", "kept"),
+    [
+        *((text, "m") for text in ("m, 300 mm", "m: ±3e-1 m", "m; 3.0e+2 mm")),
+        *((text, "rad/s") for text in ("rad/s, 1 °/h", "rad/s, -5 °/h", "rad/s: 2^-14 °/s")),
+        *(("1, 300 ppm", "1"), ("1, 0.03 %", "1"), ("m/s², 0.25 mg", "m/s²"), ("0.05/2^15 m/s", "m/s")),
+        *((text, text) for text in ("m, measured 2024 with rod 3", "K, see report 17/2024", "1: see note 3")),
+        *((text, text) for text in ("m, 3 m from door 2", "rad/s, 1 °/h at 20 °C", "rad/s, 1 °/h; order 2024")),
+        *((text, text) for text in ("1, 2 or 3", "1: ±2 g", "1-3 m", "see # m, 3 mm", "±500 °/s", "2^-14 °/s")),
+        *((text, text) for text in ("m/s²: 2^-19 g; 2^-20 g for 5 g, 2^-18 g for 30 g", "rad/s, 1 and 20 °/h")),
+    ],
+)
+def test_change_removes_only_a_comment_that_is_a_conversion(comment: str, kept: str) -> None:
+    changed = edit_toml(f"[t]\nx = 0.3  # {comment}\ny = 1\n", {("t", "x"): 0.5})
+    assert changed == f"[t]\nx = 0.5  # {kept}\ny = 1\n"
+
+
 def test_removing_the_last_value_removes_the_table() -> None:
     text = '[imu]\nport = "x" # here\n\n[imu.serial]\nbaud = 1\n'
     assert tomllib.loads(edit_toml(text, {("imu", "serial", "baud"): None})) == {"imu": {"port": "x"}}
