@@ -18,11 +18,11 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
 from calstation.parsing import MAX_JSON, read_limited
-from calstation.physics import NAMES, FloatArray, further_parameter
+from calstation.physics import NAMES, FloatArray, IntArray, further_parameter
 from calstation.quality.gauge import GaugeStudy, check_size, crossed, gauge_study, ranges_beyond
 from calstation.quality.runs import NOT_SIMULATED, SimulatedRuns, judged_runs, product_runs
 from calstation.quality.summary import limit_interval
-from calstation.records import Categories, RunColumns, write_atomic
+from calstation.records import Categories, RunColumns, RunFilter, write_atomic
 from calstation.results import History
 
 SCHEMA: Literal["calstation.gauge_plan/2"] = "calstation.gauge_plan/2"
@@ -196,21 +196,28 @@ class GaugePlan(BaseModel):
     def _key(self, each: Measurement) -> tuple[str, ...]:
         return tuple(getattr(each, factor) for factor in self.factors)
 
-    def _measurements(self, runs: RunColumns) -> list[tuple[tuple[str, ...], int]]:
-        """Return factor levels and index of the first complete, judged runs of the study, in chronological order."""
-        columns: dict[str, Categories[Any]] = {
-            "unit": runs.serials,
-            "operator": runs.operators,
-            "station": runs.stations,
-        }
-        levels = {"unit": self.units, "operator": self.operators, "station": self.stations}
-        rows = judged_runs(runs)
+    def count(self, runs: RunColumns) -> int:
+        """Return the number of complete, judged runs of the study, also surplus ones and those without files."""
+        return len(self._rows(runs, missing=True))
+
+    def _rows(self, runs: RunColumns, *, missing: bool = False) -> IntArray:
+        """Return the indices of the complete, judged runs of the study, also those without files if `missing`."""
+        rows = judged_runs(runs, missing=missing)
         rows = rows[(runs.started[rows] >= self.created_utc.timestamp()) & runs.products.isin((self.product,))[rows]]
         for factor in self.factors:
-            rows = rows[columns[factor].isin(levels[factor])[rows]]
+            rows = rows[self._columns(runs)[factor].isin(getattr(self, f"{factor}s"))[rows]]
+        return rows
+
+    @staticmethod
+    def _columns(runs: RunColumns) -> dict[str, Categories[Any]]:
+        return {"unit": runs.serials, "operator": runs.operators, "station": runs.stations}
+
+    def _measurements(self, runs: RunColumns) -> list[tuple[tuple[str, ...], int]]:
+        """Return factor levels and index of the first complete, judged runs of the study, in chronological order."""
+        columns = self._columns(runs)
         counts: Counter[tuple[str, ...]] = Counter()
         measurements = []
-        for k in rows.tolist():
+        for k in self._rows(runs).tolist():
             key = tuple(str(columns[factor][k]) for factor in self.factors)
             if counts[key] < self.trials:
                 counts[key] += 1
@@ -243,16 +250,20 @@ def evaluate_study(report: ProgressCallback, folder: Path, path: Path, product: 
     """Job: read a plan, update the index of a folder of runs, and evaluate the plan from them.
 
     The tolerances are the widths of the limits of the plan's product, from the file `product` or by default from the
-    known product with this name; an unknown product has none. Raises InputError or ConfigurationError if the plan or
-    the product cannot be used, or if the plan is for another product.
+    known product with this name; an unknown product has none. Simulated runs are left out, unless all runs of the study
+    are simulated. Raises InputError or ConfigurationError if the plan or the product cannot be used, or if the plan is
+    for another product.
     """
     plan = GaugePlan.load(path)
     config = dict(known_products()).get(plan.product) if product is None else load_product(product)[1]
     if config is not None and config.name != plan.product:
         raise InputError("quality.study_other_product", product=config.name, plan=plan.product)
     History(folder).refresh()
-    simulated = SimulatedRuns.among(folder, plan.product)
-    runs = product_runs(folder, plan.product, measured=not simulated.only)
+    runs = product_runs(folder, plan.product, measured=True)
+    bench_runs = History(folder).columns(RunFilter(product=plan.product, simulated=True, missing=None))
+    simulated = SimulatedRuns(count := plan.count(bench_runs), only=count > 0 and not plan.count(runs))
+    if simulated.only:
+        runs = bench_runs
     missing = tuple(plan.remaining(runs))
     studies = {}
     values: Mapping[str, FloatArray] = {} if missing else plan.values(runs)

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
 
@@ -21,11 +22,16 @@ class SimulatedRuns:
     only: bool = False  #: Whether all runs are simulated.
 
     @classmethod
-    def among(cls, folder: Path, product: str, station: str = "") -> "SimulatedRuns":
-        """Count the simulated runs of a product and a station in a folder, "" for all of them, at any time."""
+    def among(cls, folder: Path, product: str, station: str = "", since: datetime | None = None) -> "SimulatedRuns":
+        """Count the simulated runs of a product and a station in a folder, "" for all of them, from `since` on.
+
+        Whether all runs are simulated does not depend on `since`.
+        """
         history, runs = History(folder), RunFilter(product=product, station=station, missing=None)
-        count = history.count(replace(runs, simulated=True))
-        return cls(count, only=count > 0 and not history.count(replace(runs, simulated=False)))
+        simulated = replace(runs, simulated=True)
+        only = history.count(simulated) > 0 and not history.count(replace(runs, simulated=False))
+        start = "" if since is None else f"{since.astimezone(UTC):%Y-%m-%dT%H:%M:%S}"
+        return cls(history.count(replace(simulated, since=start)), only)
 
     @property
     def text(self) -> Text | None:

@@ -264,7 +264,7 @@ def summarise_quality(
     """
     chosen = None if product is None else load_product(product)[1]
     selection = folder, "" if chosen is None else chosen.name, station
-    simulated = SimulatedRuns.among(*selection)
+    simulated = SimulatedRuns.among(*selection, since)
     runs = product_runs(*selection, measured=not simulated.only)
     start = -math.inf if since is None else since.timestamp()
     limits = dict(known_products()) if chosen is None else {chosen.name: chosen}

@@ -157,16 +157,24 @@ def test_gauge_study_is_planned_and_evaluated_from_stored_runs(calstation: Run, 
     assert [row["trial"] for row in order] == [1] * 4 + [2] * 4
     incomplete = calstation("quality", "gauge", plan, "--out", folder)
     assert incomplete.code == 2
-    first = f"next: {order[0]['unit']}, {order[0]['operator']}"
-    assert f"8 of the 8 runs of the study missing; {first}" in incomplete.err
+    next_run = f"next: {order[0]['unit']}, {order[0]['operator']}"
+    assert f"8 of the 8 runs of the study missing; {next_run}" in incomplete.err
 
     copied = tmp_path / "simulated"
     shutil.copytree(folder, copied, ignore=shutil.ignore_patterns("*.sqlite*"))
     for file in copied.glob("STUDY-*.json"):
         file.write_text(json.dumps({**json.loads(file.read_text(encoding="utf-8")), "simulated": True}))
-    left_out = calstation("quality", "gauge", copied / "studies" / "gauge.json", "--out", copied)
-    assert left_out.code == 2, "simulated runs do not count beside real ones"
-    assert "90 simulated runs of the virtual bench left out." in left_out.out
+    evaluate = "quality", "gauge", copied / "studies" / "gauge.json", "--out", copied
+    simulated = calstation(*evaluate)
+    assert simulated.code == 0, "real runs that are not of the study do not matter"
+    assert "All runs are simulated, of the virtual bench." in simulated.out
+    first = min(copied.glob("STUDY-*.json"))
+    first.write_text(json.dumps({**json.loads(first.read_text(encoding="utf-8")), "simulated": False}))
+    for index in copied.glob("*.sqlite*"):
+        index.unlink()
+    left_out = calstation(*evaluate)
+    assert left_out.code == 2, "simulated runs do not count beside real ones of the study"
+    assert "89 simulated runs of the virtual bench left out." in left_out.out
 
     done = calstation("quality", "gauge", folder / "studies" / "gauge.json", "--out", folder)
     assert done.code == 0

@@ -207,5 +207,16 @@ def test_simulated_runs_are_left_out_unless_all_are_simulated(tmp_path: Path, re
     assert summary.simulated == (SimulatedRuns(12) if real else SimulatedRuns(24, only=True))
 
 
+@pytest.mark.parametrize("real", [True, False])
+def test_simulated_runs_are_counted_in_the_chosen_period(tmp_path: Path, real: bool) -> None:
+    for k in range(6):
+        started, simulated = (BEGIN + timedelta(hours=k)).isoformat(), k > 0 or not real
+        write(tmp_path, f"N-{k}", f"N-{k}", "passed", 1, started_utc=started, simulated=simulated)
+    History(tmp_path).refresh()
+    for hours, count in ((2, 4), (5, 1), (6, 0)):
+        summary = summarise_quality(ignore, tmp_path, since=BEGIN + timedelta(hours=hours))
+        assert summary.simulated == SimulatedRuns(count, only=not real)
+
+
 def test_folder_without_simulated_runs_says_nothing_about_them(folder: Path) -> None:
     assert summarise_quality(ignore, folder).simulated.text is None
