@@ -16,7 +16,7 @@ from calstation.reports.issue import (
     states_of_issue,
 )
 from calstation.reports.issued_pdf import IssuedCertificate, IssuedPdf, issued_certificates
-from calstation.reports.label import PrintedLabels, label_template, print_label, print_labels
+from calstation.reports.label import PrintedLabels, label_template, print_label, print_labels, product_label
 from calstation.reports.pdf import compile_template
 from calstation.reports.request import ReportRequest, station_request
 from calstation.reports.time_stamp import stamp_trail, verify_time_stamp

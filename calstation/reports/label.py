@@ -31,8 +31,16 @@ def label_template(result: Result) -> Path | None:
     A label is printed only if a run of all stages passed. Raises ConfigurationError if the product cannot be
     read.
     """
+    return product_label(result) if result.verdict is Verdict.PASSED else None
+
+
+def product_label(result: Result) -> Path | None:
+    """Return the label template of the product of a result, whatever its verdict, or None if it has none.
+
+    Raises ConfigurationError if the product cannot be read.
+    """
     source = result.configuration.get("product")
-    if result.verdict is not Verdict.PASSED or source is None or source.name not in library.names("products"):
+    if source is None or source.name not in library.names("products"):
         return None
     path, product = load_product(library.find("products", source.name))
     return None if product.label is None else library.find_beside(path, product.label)

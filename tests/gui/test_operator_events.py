@@ -45,6 +45,7 @@ from tests.database.result_files import write_result
 from tests.dead_logs import write_dead_log
 from tests.gui.conftest import RESULT, SERIAL, Operator
 from tests.open_transfers import WRITTEN, write_open_transfer
+from tests.results.test_shift import VERDICT
 from tests.site_folder import STATION, SiteFolder
 
 ENDED: dict[str, Any] = {**RESULT, "attempt": 1, "duration_s": 60.0, "advice": "resume"}
@@ -1363,14 +1364,20 @@ def test_run_closed_by_its_operator_is_shown_as_closed_and_not_resumed(
 @pytest.mark.parametrize(
     ("language", "void"), [("en", "its old label is void. Remove it."), ("zh_CN", "旧标签已失效，请撕下。")]
 )
-@pytest.mark.parametrize("before", ["passed", "failed"])
+@pytest.mark.parametrize(
+    ("before", "template", "standard"),
+    [("passed", True, False), ("failed", True, False), ("passed", False, False), ("passed", True, True)],
+)
 def test_old_label_of_a_unit_that_fails_after_it_passed_is_void(
-    simulated_run: Operator, language: str, void: str, before: str
+    simulated_run: Operator, language: str, void: str, before: str, template: bool, standard: bool
 ) -> None:
+    simulated_run.site_folder.write({"label": "label.typ"} if template else None)
     runs = simulated_run.window.app.runs_folder
     runs.mkdir(exist_ok=True)
     write_result(runs, f"{SERIAL}_1", 1, serial=SERIAL, outcome=before)
     simulated_run.window.app.history().refresh()
     simulated_run.window.app.set_language(language)
-    end_run(simulated_run, "failed")
-    assert (void in simulated_run.says()) == (before == "passed")
+    product = {"name": "short", "sha256": "0" * 64}
+    comparison = {"check_standard": VERDICT} if standard else {}
+    end_run(simulated_run, "failed", configuration={"product": product}, **comparison)
+    assert (void in simulated_run.says()) == (before == "passed" and template and not standard)

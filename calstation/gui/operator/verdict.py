@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.config import load_station
 from calstation.connection import LinkTestRequest
-from calstation.errors import InputError
+from calstation.errors import CalstationError, InputError
 from calstation.gui.operator import advice
 from calstation.gui.operator.production import CertificateButton, LabelButton, UnprintedNotice
 from calstation.gui.operator.questions import sign_in_text
@@ -36,6 +36,7 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import Rendered, entry, event_text, joined, known
 from calstation.records import Verdict
+from calstation.reports import product_label
 from calstation.results import Result, load_run_result
 from calstation.sequencer import Fault, Finalized
 
@@ -146,7 +147,7 @@ class VerdictPanel(QFrame):
         self._run = app.run
         self._finalized: Finalized | None = None
         self._fault: Fault | None = None
-        self._passed_before = False  #: Whether the unit passed a run before it failed.
+        self._label_void = False  #: Whether the unit has a label of a run that it passed before it failed.
         #: Number of figures, and size of the texts, px.
         self._figure_count = self._shown_size = 0
         self._banner, self._figures = Banner("verdict", _MIN_BANNER), FiguresTable(theme.SECTION)
@@ -196,7 +197,8 @@ class VerdictPanel(QFrame):
             self._finalized = unit.finalized
             file = None if unit.finalized is None else Path(unit.finalized.result_file)
             failed = unit.finalized is not None and unit.finalized.verdict is Verdict.FAILED
-            self._passed_before = failed and self._app.history().passed_before(unit.serial) is not None
+            passed_before = failed and self._app.history().passed_before(unit.serial) is not None
+            self._label_void = passed_before and unit.result is not None and _labelled(unit.result)
             judged = unit.finalized is not None and unit.finalized.verdict.judged  # another run may follow otherwise
             for button in (self.label_button, self.certificate_button):
                 button.offer(unit.result if judged else None, file)
@@ -296,7 +298,7 @@ class VerdictPanel(QFrame):
         remarks = dict.fromkeys(say(event_text(*remark)) for remark in unit.remarks)
         shown = result if text is None else None
         figures = [] if shown is None else advice.figures(shown)
-        void = say("advice.old_label_void") if self._passed_before and not released else ""
+        void = say("advice.old_label_void") if self._label_void and not released else ""
         note = advice.figures_note(result) if figures else ""
         notes = filter(None, (void, note, *advice.result_notes(result), *remarks))
         for widget, content in (
@@ -354,3 +356,11 @@ class VerdictPanel(QFrame):
     def _show_details(self) -> None:
         if self._finalized is not None:
             self._app.open_run.emit(Path(self._finalized.result_file))
+
+
+def _labelled(result: Result) -> bool:
+    """Return whether the unit gets a label when it passes; a check standard gets none."""
+    try:
+        return result.check_standard is None and product_label(result) is not None
+    except CalstationError:  # the operator page reports an unreadable product
+        return False
