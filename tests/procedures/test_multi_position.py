@@ -333,7 +333,8 @@ def test_sound_recording_of_an_unknown_unit_is_accepted(grade, step):
 @pytest.mark.parametrize(("turn", "duration", "lever"), [(180.0, 0.6, 0.1), (180.0, 1.0, 0.3), (150.0, 0.8, 0.3)])
 def test_fast_turns_about_a_distant_axis_do_not_look_like_a_wrong_factor(turn, duration, lever):
     """The accelerations of the lever arm hide the course of gravity."""
-    imu, random = unit("mems", 3), np.random.default_rng(5)
+    truth, random = unit("mems", 3), np.random.default_rng(5)
+    imu = context_of(truth).imu
     period, C, rates, forces = 1.0 / imu.sample_rate, np.eye(3), [], []
     for _ in range(12):
         rates.append(np.zeros((round(4.0 / period), 3)))
@@ -352,7 +353,7 @@ def test_fast_turns_about_a_distant_axis_do_not_look_like_a_wrong_factor(turn, d
     rates.append(np.zeros((round(4.0 / period), 3)))
     forces.append(np.tile(9.8 * C[2], (len(rates[-1]), 1)))
     measured = np.hstack([np.vstack(rates), np.vstack(forces)])
-    noise = np.repeat([imu.gyro_arw, imu.accel_vrw], 3) / np.sqrt(period)
+    noise = np.repeat([truth.gyro_arw, truth.accel_vrw], 3) / np.sqrt(period)
     counts = np.round((measured + random.normal(size=measured.shape) * noise) / imu.count_size)
     seq = np.arange(len(counts))
     data = stage_data([SampleBlock.without_table("multi_position", seq, seq * period, counts)], imu)
