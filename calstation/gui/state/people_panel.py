@@ -44,7 +44,8 @@ def ask_to_sign_in(app: AppContext, notice: NoticeBar, title: Words, text: Words
 class PeoplePanel(QFrame):
     """A panel that `ask` shows; the caller hides it after the action, or calls `retry` for another attempt.
 
-    A refusal stands below the fields, which stay where they are, so that nobody types a PIN into another field.
+    A refusal or a wrong date is stated below the fields, which stay where they are, so that nobody types a PIN into
+    another field.
     """
 
     open_changed = Signal(bool)  #: Emitted with True when the panel opens, and with False when it closes.
@@ -86,7 +87,6 @@ class PeoplePanel(QFrame):
         self._error.setAlignment(Qt.AlignmentFlag.AlignTop)
         self._error.setMinimumHeight(_REFUSAL_LINES * self._error.fontMetrics().lineSpacing())
         self._confirm_button = button(f"{name}_confirm_button", "window.confirm", self._confirm)
-        self._date_error = label(kind="error", name=f"{name}_date_label", wrap=True)
         cancel = button(f"{name}_cancel_button", "common.cancel", self._cancel)
         column(
             self._title,
@@ -94,7 +94,6 @@ class PeoplePanel(QFrame):
             self._fields,
             self._error,
             row(self._received_caption, self._received, None, cancel, self._confirm_button),
-            self._date_error,
             on=self,
             margins=(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID),
         )
@@ -206,7 +205,7 @@ class PeoplePanel(QFrame):
         self.cancelled.emit()
 
     def _refresh(self) -> None:
-        show_text(self._date_error, say(self._why_bad_date()))
+        self._error.setText(say(self._why_bad_date() or self._error_words))
         enable(self._confirm_button, say(self._why_not()))
 
     def _show_texts(self) -> None:
@@ -216,7 +215,8 @@ class PeoplePanel(QFrame):
             caption.setText(text)
         self._title.setText(say(self._words))
         show_text(self._note, say(self._note_words))
-        self._error.setText(say(self._error_words))
+        hint = self._received.fontMetrics().horizontalAdvance(self._received.placeholderText())
+        self._received.setMinimumWidth(hint + 4 * theme.GRID)
         self._refresh()
 
 
