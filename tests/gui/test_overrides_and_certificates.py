@@ -1,6 +1,8 @@
 """Refused production runs that engineers override, and certificates, operated by real clicks in the window."""
 
+import time
 from datetime import date
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,6 +19,7 @@ from calstation.config.library import shipped_folder
 from calstation.errors import ConfigurationError
 from calstation.gui.state import PeoplePanel
 from calstation.gui.text import language, say
+from calstation.jobs import ProgressCallback
 from calstation.messages import Text
 from calstation.records import AuditEvent, Verdict, audit_path, read_audit
 from calstation.results import load_result
@@ -351,6 +354,33 @@ def test_panel_refuses_a_reason_with_a_pin(qtbot: QtBot, code: str, why: str, ty
     panel._confirm_button.click()
     assert [reason for reason, *_ in confirmed] == ["shock test"]
     language.use("en")
+
+
+def issue_slowly(report: ProgressCallback) -> None:
+    """Job: stand in for the issue of a certificate."""
+    time.sleep(0.3)
+
+
+@pytest.mark.parametrize(("code", "progress"), [("en", "Certificate, 0 %"), ("zh_CN", "证书，0 %")])
+def test_panel_shows_the_progress_of_a_confirmed_certificate(operator: Operator, code: str, progress: str) -> None:
+    operator.window.app.set_language(code)
+    certificate = operator.window.operator_page._verdict.certificate_button
+    panel, watch = certificate.panel, certificate.watch
+    once = ConfirmationRequired(pin=False, badge=False, second=False)
+    panel.ask("", once, lambda *_: watch.start(), reason=False)
+    panel.findChild(QLineEdit, "certificate_button_badge_edit").setText("Li")
+    panel.retry(ConfigurationError("confirmation.not_engineer", badge="B0003"))
+    refusal = panel.findChild(QLabel, "certificate_button_refusal_label")
+    assert "B0003" in refusal.text()
+    watch._submit = partial(operator.window.app.job_queue.submit, issue_slowly)
+    watch.done.disconnect()
+    confirm = panel._confirm_button
+    confirm.click()
+    assert refusal.text() == "", "the earlier refusal is answered"
+    assert (confirm.isEnabled(), confirm.text()) == (False, progress)
+    operator.until(confirm.isEnabled)
+    assert confirm.text() == say("window.confirm")
+    operator.window.app.set_language("en")
 
 
 @pytest.mark.long

@@ -83,10 +83,11 @@ class PeoplePanel(QFrame):
         self._received_caption.setBuddy(self._received)
         bind(self._received.setPlaceholderText, "window.received_hint")
         self._error_words: Words = ""
+        self._progress: Words = ""  #: Progress of the confirmed action; "" while none is running.
         self._error = label(kind="error", name=f"{name}_refusal_label", wrap=True)
         self._error.setAlignment(Qt.AlignmentFlag.AlignTop)
         self._error.setMinimumHeight(_REFUSAL_LINES * self._error.fontMetrics().lineSpacing())
-        self._confirm_button = button(f"{name}_confirm_button", "window.confirm", self._confirm)
+        self._confirm_button = button(f"{name}_confirm_button", pressed=self._confirm)
         cancel = button(f"{name}_cancel_button", "common.cancel", self._cancel)
         column(
             self._title,
@@ -158,6 +159,13 @@ class PeoplePanel(QFrame):
         self._refuse(error)
         self._edits[2].setFocus()
 
+    def show_progress(self, words: Words) -> None:
+        """Show the progress of the confirmed action on the Confirm button, which it disables; "" enables it."""
+        self._progress = words
+        if words and self._confirm_button.hasFocus():
+            self._confirm_button.clearFocus()  # which no other button receives
+        self._refresh()
+
     def _refuse(self, error: CalstationError) -> None:
         self._error_words = error.as_text
         for edit in (self._edits[2], self._edits[4]):
@@ -175,7 +183,9 @@ class PeoplePanel(QFrame):
         self.open_changed.emit(False)
 
     def _why_not(self) -> Words:
-        """Return why the action cannot be confirmed: a visible field is empty, or a date is wrong; "" if it can."""
+        """Return why the action cannot be confirmed: it is running, a field is empty or a date wrong; "" if it can."""
+        if self._progress:
+            return self._progress
         if any(not edit.isHidden() and not edit.text().strip() for edit in self._edits):
             return "window.fill_in"
         return self._why_bad_date()
@@ -198,6 +208,8 @@ class PeoplePanel(QFrame):
                 self._edits[0].selectAll()
                 self._edits[0].setFocus()
                 return
+            self._error_words = ""
+            self._refresh()
             self._confirmed(reason.strip(), first, second)
 
     def _cancel(self) -> None:
@@ -206,6 +218,7 @@ class PeoplePanel(QFrame):
 
     def _refresh(self) -> None:
         self._error.setText(say(self._why_bad_date() or self._error_words))
+        self._confirm_button.setText(say(self._progress or "window.confirm"))
         enable(self._confirm_button, say(self._why_not()))
 
     def _show_texts(self) -> None:

@@ -221,6 +221,7 @@ class _IssueButton(_DocumentButton):
     def _show_busy(self) -> None:
         self._set_busy(self._state_watch.busy or self.watch.busy)
         self.setText(self._text())
+        self.panel.show_progress(self._text if self.watch.busy else "")
 
     def _report(self, error: CalstationError) -> None:
         """Report an error, in the panel if it is open, in which what was entered remains, except the PINs."""
