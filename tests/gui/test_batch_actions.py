@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QLineEdit, QPu
 
 from calstation.config import ConfirmationRequired, RunRequest, computer_user
 from calstation.gui.operator.production import document_buttons
+from calstation.gui.text import say
 from calstation.gui.widgets import ElidedLabel, StateIcon
 from calstation.jobs import ProgressCallback
 from calstation.messages import Language, Text
@@ -455,21 +456,34 @@ def test_labels_of_all_runs_are_kept_until_they_are_printed(
     assert "not printed" not in operator.says()
 
 
+CAUTION = Text.of("log.not_found", file="a.h5")  # stands for registers that were replaced
+
+
+def label_with_caution(report: ProgressCallback, files: list[Path], station: Path | None) -> PrintedLabels:
+    """Job: stand in for the labels of results with a caution."""
+    return replace(label_of(report, files, station), cautions=[CAUTION])
+
+
 @pytest.mark.usefixtures("documents")
 @pytest.mark.parametrize("language", ["en", "zh_CN"])
 def test_label_that_no_program_opens_is_kept_after_the_next_scan(
     operator: Operator, monkeypatch: pytest.MonkeyPatch, language: str
 ) -> None:
     opens: list[bool] = [False, True]
+    button = operator.window.operator_page._verdicts._labels
+    submit = partial(operator.window.app.job_queue.submit, label_with_caution)
+    monkeypatch.setattr(button._watch, "_submit", submit)
     monkeypatch.setattr(QDesktopServices, "openUrl", lambda _: opens.pop(0))
     use_slots(operator, 2)
     operator.window.app.set_language(language)
     begin(operator)
     end(operator, failed=("2",))
     operator.press("labels_button")
-    texts = ("not printed: SN-000001", "no program that opens", str(Path("labels", "1.pdf")))
+    file = Path("labels", "1.pdf")
+    texts = ("not printed: SN-000001", f"saved as PDF: {file}. This computer has no program that opens")
     if language == "zh_CN":
-        texts = ("标签未打印：SN-000001", "本机没有可打开", texts[2])
+        texts = ("标签未打印：SN-000001", f"已存为 PDF：{file}。本机没有可打开")
+    texts = *texts, say(CAUTION)
     operator.until(lambda: all(text in operator.says() for text in texts))
     operator.scan("SN-000077")
     assert all(text in operator.says() for text in texts)

@@ -39,13 +39,13 @@ class UnprintedNotice(NoticeBar):
     def __init__(self, app: AppContext, name: str, then: Callable[[], None]) -> None:
         super().__init__(name)
         self._then = then
-        #: Result and reason by the serial number of each unit.
-        self._labels: dict[str, tuple[Path, Text]] = {}
+        #: Result and reasons by the serial number of each unit.
+        self._labels: dict[str, tuple[Path, Sequence[Text]]] = {}
         self._again: Callable[[dict[str, Path]], None] = lambda _: None
         app.labels_printed.connect(self._remove)
 
-    def add(self, labels: Mapping[str, tuple[Path, Text]], again: Callable[[dict[str, Path]], None]) -> None:
-        """Add labels by serial number: the result of each and the reason; `again` prints labels of results."""
+    def add(self, labels: Mapping[str, tuple[Path, Sequence[Text]]], again: Callable[[dict[str, Path]], None]) -> None:
+        """Add labels by serial number: the result of each and the reasons; `again` prints labels of results."""
         self._again = again
         self._labels |= labels
         self._show()
@@ -59,7 +59,7 @@ class UnprintedNotice(NoticeBar):
         if not self._labels:
             self.dismiss()
             return
-        reasons = [reason for _, reason in reversed(self._labels.values())]
+        reasons = [reason for _, each in reversed(self._labels.values()) for reason in each]
         again = Choice("print_again_button", "operator.print_again", self._print)
         close = Choice(f"{self.objectName()}_close", "common.close", self._close)
         title = Text.of("operator.label_not_printed", serials=list(self._labels))
@@ -152,14 +152,15 @@ class LabelButton(_DocumentButton):
         self._watch.start(list(files.values()), self._app.station_path)
 
     def _not_printed(self, error: CalstationError) -> None:
-        self._end_printing(dict.fromkeys(self._printing.values(), error.as_text))
+        self._end_printing(dict.fromkeys(self._printing.values(), (error.as_text,)))
 
     def _printed(self, printed: PrintedLabels) -> None:
-        pdfs, errors = printed.pdfs, dict(printed.errors)
+        pdfs = printed.pdfs
+        errors: dict[Path, Sequence[Text]] = {file: [why] for file, why in printed.errors.items()}
         kind = "caution" if printed.cautions else "good"
         saved = pdfs[0].parent if len(pdfs) > 1 else pdfs[0] if pdfs else None  # several are printed from their folder
         if saved is not None and not _opens(saved):
-            why = Text.of("operator.label_not_opened", file=saved)
+            why = [*printed.cautions, Text.of("operator.label_not_opened", file=saved)]
             errors = {file: errors.get(file, why) for file in self._printing.values()}
         serials = self._end_printing(errors)
         if saved is not None and serials:
@@ -170,7 +171,7 @@ class LabelButton(_DocumentButton):
             self._notice.ask(kind, title, lambda: "\n".join(map(say, printed.cautions)))
         self._then()
 
-    def _end_printing(self, errors: Mapping[Path, Text]) -> list[str]:
+    def _end_printing(self, errors: Mapping[Path, Sequence[Text]]) -> list[str]:
         """Note the labels of the results in `errors` as not printed; return the serial numbers of the others."""
         failed = {serial: (file, errors[file]) for serial, file in self._printing.items() if file in errors}
         serials = [serial for serial in self._printing if serial not in failed]
