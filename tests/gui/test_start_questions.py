@@ -8,12 +8,14 @@ from typing import Any
 import pytest
 import tomli_w
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QLineEdit, QPushButton
+from PySide6.QtWidgets import QApplication, QLineEdit, QPushButton
 
 from calstation.cli import run as run_module
 from calstation.cli.app import run_app
 from calstation.config import RunRequest, access
+from calstation.gui.operator import ask
 from calstation.gui.state.engine_link import EngineLink
+from calstation.messages import Text
 from calstation.results import History
 from calstation.runs import RunStart, finish_incomplete
 from tests.database.result_files import write_result
@@ -382,6 +384,44 @@ def test_other_questions_follow_the_one_about_unverified_registers(site_folder: 
     following = start.next_question()
     assert following is not None
     assert (following.subject, start.request.unfinished) == ("passed", "finish")
+
+
+@pytest.mark.parametrize("page", ["operator_page", "engineer_page"])
+@pytest.mark.parametrize("key", [Qt.Key.Key_Space, Qt.Key.Key_Return])
+def test_no_key_confirms_a_start_after_a_return_to_its_question(
+    operator: Operator, started: list[RunRequest], page: str, key: Qt.Key
+) -> None:
+    operator.site_folder.runs.mkdir()
+    passed(operator.site_folder)
+    History(operator.site_folder.runs).refresh()
+    opened = Page(operator, page)
+    opened.start(SERIAL)
+    other, edit = ("engineer_page", "engineer_serial_edit") if page == "operator_page" else ("operator_page", "")
+    operator.window.show_page(other)
+    if edit:  # which is above the page
+        operator.widget(edit, QLineEdit).setFocus()
+        operator.qtbot.keyClicks(operator.widget(edit, QLineEdit), "SN-000077")
+        operator.qtbot.keyClick(operator.widget(edit, QLineEdit), Qt.Key.Key_Return)
+    bar = operator.window.page_tabs.tabBar()
+    shown = next(i for i in range(bar.count()) if operator.window.page_tabs.widget(i).objectName() == page)
+    operator.qtbot.mouseClick(bar, Qt.MouseButton.LeftButton, pos=bar.tabRect(shown).center())
+    focused = QApplication.focusWidget()
+    assert focused is not None
+    assert focused.objectName() == "cancel_choice"
+    operator.qtbot.keyClick(focused, key)
+    assert started == []
+
+
+def test_no_key_answers_a_question_without_a_safe_answer_after_a_return_to_it(operator: Operator) -> None:
+    notice, answered = operator.window.operator_page.notice, list[str]()
+    ask(notice, "paused", Text.of("question.same_units", serials=[SERIAL]), {"same_units": lambda: answered.append("")})
+    assert operator.widget("same_units_choice") is not QApplication.focusWidget()
+    for shown in ("history_page", "operator_page"):
+        operator.window.show_page(shown)
+    focused = QApplication.focusWidget()
+    assert focused is notice
+    operator.qtbot.keyClick(focused, Qt.Key.Key_Space)
+    assert answered == []
 
 
 def test_unverified_registers_of_several_units_are_asked_about_together(

@@ -414,7 +414,7 @@ class RegistersView(QWidget):
     def _choices(self, operation: RegisterOperation, code: str, by_hand: Words) -> list[Choice]:
         """Return the choices of a question: cancel, or start an operation, with and without motion of the table."""
         at_rest = partial(self._confirm, replace(operation, at_rest=True))
-        cancel = Choice("cancel_write_button", "common.cancel", lambda: None, primary=True)
+        cancel = Choice("cancel_write_button", "common.cancel", lambda: None, primary=True, safe=True)
         if not self.table:
             return [cancel, Choice("confirm_write_button", by_hand, at_rest)]
         turn = partial(self._confirm, operation)

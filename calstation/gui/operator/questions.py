@@ -50,7 +50,7 @@ def ask(
     answers
         Actions by terms of the catalogue family ``answer``.
     primary
-        Answer that receives the focus; "" for none.
+        Answer that confirms nothing and receives the focus; "" for none.
     others
         Additional choices with their own texts, which are shown first.
     engineer
@@ -58,7 +58,7 @@ def ask(
     """
     current = question if callable(question) else lambda: question
     choices = [
-        Choice(f"{name}_choice", Text(f"answer.{name}", current().values), act, name == primary)
+        Choice(f"{name}_choice", Text(f"answer.{name}", current().values), act, name == primary, safe=name == primary)
         for name, act in answers.items()
     ]
     title, text = (lambda: rendered(current()).text), lambda: rendered(current(), engineer=engineer).remedy

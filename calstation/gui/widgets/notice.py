@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtGui import QColor, QPainter, QPaintEvent
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QShowEvent
 from PySide6.QtWidgets import QFrame, QPushButton
 
 from calstation.errors import CalstationError
@@ -17,12 +17,16 @@ from calstation.gui.widgets.layout import button, clear, column, label, row, sho
 
 @dataclass(frozen=True)
 class Choice:
-    """A reply to a question: object name and text of its button, its action, and whether the button has the focus."""
+    """A reply to a question: object name and text of its button, its action, and whether the button has the focus.
+
+    A `safe` reply confirms nothing; it has the focus whenever the page of the question is shown again.
+    """
 
     name: str
     words: Words
     act: Callable[[], None]
     primary: bool = False
+    safe: bool = False
 
 
 class NoticeBar(QFrame):
@@ -38,6 +42,7 @@ class NoticeBar(QFrame):
         self._title: Words = ""
         self._text: Words = ""
         self._choices: Sequence[Choice] = ()
+        self._opening = False  #: Whether `ask` shows the bar, not its page.
         self._choice_buttons: dict[str, QPushButton] = {}
         self._icon = StateIcon(28)
         self.title_label, self.text_label = label(kind="section", wrap=True), label(wrap=True)
@@ -74,7 +79,9 @@ class NoticeBar(QFrame):
             self._choice_buttons[choice.name] = widget
             self._buttons.addWidget(widget)
         self.refresh()
+        self._opening = True
         self.show()
+        self._opening = False
         for choice in choices:
             if choice.primary:
                 self.button(choice.name).setFocus()
@@ -114,6 +121,13 @@ class NoticeBar(QFrame):
         show_text(self.text_label, say(self._text))
         for choice in self._choices:
             self.button(choice.name).setText(say(choice.words))
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Focus the safe answer, or else no button, when the page of an open question is shown."""
+        super().showEvent(event)
+        if self._choices and not (self._opening or event.spontaneous()):
+            safe = next((self.button(choice.name) for choice in self._choices if choice.safe), None)
+            (safe or self).setFocus()
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Draw a band in the colour of the state along the left side."""
