@@ -412,6 +412,39 @@ def test_no_key_confirms_a_start_after_a_return_to_its_question(
     assert started == []
 
 
+@pytest.mark.parametrize(
+    ("language", "said", "ready"),
+    [
+        ("en", "Answer the question on the Operator page first.", "READY"),
+        ("zh_CN", "请先到操作员页回答问题。", "就绪"),
+    ],
+)
+def test_other_pages_name_the_question_on_the_operator_page(
+    operator: Operator, started: list[RunRequest], language: str, said: str, ready: str
+) -> None:
+    operator.site_folder.runs.mkdir()
+    passed(operator.site_folder)
+    History(operator.site_folder.runs).refresh()
+    operator.window.app.set_language(language)
+    Page(operator, "operator_page").start(SERIAL)
+    for page in ("history_page", "engineer_page"):
+        operator.window.show_page(page)
+        if page == "engineer_page":
+            operator.widget("engineer_serial_edit", QLineEdit).clear()
+            operator.qtbot.keyClicks(operator.widget("engineer_serial_edit", QLineEdit), "SN-000077")
+        lines = operator.says().splitlines()
+        assert said in lines
+        assert ready not in lines
+    start = operator.widget("engineer_start_button", QPushButton)
+    assert not start.isEnabled()
+    operator.window.show_page("operator_page")
+    assert said not in operator.says()
+    operator.press("cancel_choice")
+    operator.window.show_page("engineer_page")
+    assert start.isEnabled(), start.toolTip()
+    assert ready in operator.says().splitlines()
+
+
 def test_no_key_answers_a_question_without_a_safe_answer_after_a_return_to_it(operator: Operator) -> None:
     notice, answered = operator.window.operator_page.notice, list[str]()
     ask(notice, "paused", Text.of("question.same_units", serials=[SERIAL]), {"same_units": lambda: answered.append("")})

@@ -58,9 +58,9 @@ class EngineerPage(Page):
         self._last_log: str | None = None
         #: Whether the choice is kept after the run in progress, because it was started on this page.
         self._keeps_choice = False
-        #: Code of the reason why nothing may start, why the station and the product are not usable for a run, and what
-        #: an operator must do before it.
-        self._obstacles: tuple[str | Text, Text | None, str] = ("", None, "")
+        #: Code of the reason why nothing may start, why the station and the product are not usable for a run, what an
+        #: operator must do before it, and whether the Operator page asks a question.
+        self._obstacles: tuple[str | Text, Text | None, str, bool] | None = None
         self.header = self._header = EngineerHeader(app.run)
         self.choice = ChoicePanel()
         self._start_dialog = StartDialog(app, self.notice, "engineer_override", self._header.serial_edit.setFocus)
@@ -357,7 +357,8 @@ class EngineerPage(Page):
     def _run_changed(self) -> None:
         """Update the actions only after a change of what prevents a run; this slot is called many times per second."""
         self._show_next()
-        obstacles = self.app.run.why_not_start, self.app.run.problem, self.app.run.missing
+        run = self.app.run
+        obstacles = run.why_not_start, run.problem, run.missing, run.asking
         if obstacles != self._obstacles:
             self._obstacles = obstacles
             self._update()
@@ -416,7 +417,8 @@ class EngineerPage(Page):
             enable(edit, busy)
         badge = say("operator.sign_in") if self.app.badge_required else ""
         unusable = run.why_no_run(engineer=self.app.role.engineer)
-        asking = say("operator.answer_first") if self._start_dialog.asking else ""
+        there = say("operator.answer_there") if run.asking else ""
+        asking = say("operator.answer_first") if self._start_dialog.asking else there
         why_not = problem or waits or device or choice or unusable or badge or asking or self._why_no_unit()
         overdue = run.missing if self.app.overdue else ""
         self._header.show_next_run(why_not, overdue, say("engineer.pass_writes") if writes else "")

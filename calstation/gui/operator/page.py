@@ -406,7 +406,8 @@ class OperatorPage(Page):
         message = self._message_text()
         self._message.setText(message)
         self.app.overdue = waits and bool(self._starting.overdue)
-        run.set_missing(message if waits else "")
+        asking = run.display_state == "idle" and self._starting.asking
+        run.set_missing(self._message_text("answer_there") if waits else "", asking=asking)
 
     def _why_not_start(self) -> str:
         starting, header = self._starting, self.header
@@ -470,7 +471,7 @@ class OperatorPage(Page):
         if may_ask and request is not None and self._starting.has_open_transfer(run.unit.serial):
             self._starting.ask_transfer(request, run.unit.serial)
 
-    def _message_text(self) -> str:
+    def _message_text(self, answer: str = "answer_first") -> str:
         run = self.app.run
         if urgent := urgent_message(run, engineer=self.app.role.engineer):
             return urgent
@@ -481,7 +482,7 @@ class OperatorPage(Page):
         if run.display_state == "idle" and run.unreset is not None:
             return fault_text(run.unreset, engineer=self.app.role.engineer).remedy
         if run.display_state == "idle" and self._starting.asking:
-            return say("operator.answer_first")
+            return say(f"operator.{answer}")
         if run.display_state == "idle" and self._starting.refused is not None:
             return rendered(self._starting.refused).text
         if run.display_state == "idle" and (causes := self._starting.overdue):

@@ -73,7 +73,7 @@ class RunStatus(QObject):
         self.register_operation = False
         #: Why the station and the product are not usable for the next run; None if they are.
         self.problem: Text | None = None
-        self.missing = ""  #: What an operator must do before the next run, or "".
+        self.missing, self.asking = "", False  #: What an operator must do before the next run; whether it is to answer.
         #: Symbol and text of the state of the IMUs that are monitored live, outside a run; None without monitoring.
         self.monitoring: tuple[str, Text] | None = None
         #: ``writing`` while registers are written, ``verifying`` until they are verified, then ``written``; "" before.
@@ -256,8 +256,9 @@ class RunStatus(QObject):
         """Set why the station and the product are not usable for the next run, or None if they are."""
         self._set("problem", problem)
 
-    def set_missing(self, missing: str) -> None:
-        """Set what an operator must do before the next run, or ""."""
+    def set_missing(self, missing: str, *, asking: bool) -> None:
+        """Set what an operator must do before the next run, or "", and whether a question on the page is open."""
+        self._set("asking", asking)
         self._set("missing", missing)
 
     def set_elsewhere(self, elsewhere: tuple[tuple[str, ...], str] | None) -> None:
