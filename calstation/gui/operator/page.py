@@ -160,7 +160,8 @@ class OperatorPage(Page):
             entered.connect(self._show_readiness)
         header.serial_edit.textChanged.connect(self._show_readiness)
         header.serial_edit.textChanged.connect(lambda text: self._loading.show_serial(text.strip()))
-        header.serial_edited.connect(self._documents.dismiss)
+        for outdates in (header.serial_edited, header.serial_entered, app.station_changed):
+            outdates.connect(self._documents.dismiss)
         app.port_watch.stopped.connect(lambda notice: ask(self._documents, "stopped", notice, {}))
         app.port_watch.freed.connect(self._port_freed)
         self.notice.changed.connect(self._show_readiness)
