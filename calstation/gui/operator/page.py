@@ -35,7 +35,6 @@ from calstation.gui.operator.units import SlotsPanel, VerdictGrid
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.state import AppContext, EventLog, ExchangeLabel, Page, run_badge
 from calstation.gui.text import (
-    fault_text,
     language,
     offered_products,
     on_language_change,
@@ -404,8 +403,7 @@ class OperatorPage(Page):
         waits = run.display_state == "idle" and run.occupied is None and not run.stop_incomplete
         waits = waits and self._starting.incomplete
         self._badge.show_state(*(("none", term("badge", "not_ready")) if waits else run_badge(run)))
-        message = self._message_text()
-        self._message.setText(message)
+        self._message.setText(self._message_text())
         self.app.overdue = waits and bool(self._starting.overdue)
         asking = run.display_state == "idle" and self._starting.asking
         run.set_missing(self._message_text("answer_there") if waits else "", asking=asking)
@@ -476,21 +474,10 @@ class OperatorPage(Page):
         run = self.app.run
         if urgent := urgent_message(run, engineer=self.app.role.engineer):
             return urgent
-        if run.display_state == "idle" and run.reading_runs:
-            return say("operator.reading_runs")
-        if self.app.badge_required and (run.display_state == "idle" or (run.ended and not run.fault)):
+        if run.display_state == "idle" and (missing := self._starting.missing_text(answer)):
+            return missing
+        if self.app.badge_required and run.ended and not run.fault:
             return sign_in_text(self.app)
-        if run.display_state == "idle" and run.unreset is not None:
-            return fault_text(run.unreset, engineer=self.app.role.engineer).remedy
-        if run.display_state == "idle" and self._starting.asking:
-            return say(f"operator.{answer}")
-        if run.display_state == "idle" and self._starting.refused is not None:
-            return rendered(self._starting.refused).text
-        if run.display_state == "idle" and (causes := self._starting.overdue):
-            return say("operator.message_overdue", causes=causes)
-        summary = self._starting.run_summary
-        if run.display_state == "idle" and summary is not None and summary.unjudged and not summary.omitted:
-            return say("operator.message_unjudged", names=summary.unjudged)
         if run.display_state == "monitoring" and run.monitoring is not None:
             return say("operator.message_monitoring", state=say(run.monitoring[1]))
         if run.display_state == "not_ready" and has_pair(self.app.station_path):

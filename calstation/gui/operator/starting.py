@@ -14,9 +14,9 @@ from calstation.config import RunRequest, load_station, virtual_serials
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.interrupted import InterruptedRuns
-from calstation.gui.operator.questions import StartDialog, ask
+from calstation.gui.operator.questions import StartDialog, ask, sign_in_text
 from calstation.gui.state import AppContext, EarlierRuns, Slot, UnitStatus
-from calstation.gui.text import on_language_change, say, term
+from calstation.gui.text import fault_text, on_language_change, rendered, say, term
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
 from calstation.records import Verdict
@@ -275,6 +275,27 @@ class RunStarter(QObject):
         run = self._app.run
         missing = self._header.badge_field.required or self.refused is not None or bool(self.overdue) or self.asking
         return missing or run.unreset is not None or run.why_not_start == "operator.reading_runs"
+
+    def missing_text(self, answer: str) -> str:
+        """Return what is missing before the next run, or what to know of its product; "" for neither.
+
+        `answer` is the text about an open question: ``answer_first`` on its page, ``answer_there`` on the others.
+        """
+        run, summary = self._app.run, self.run_summary
+        if run.reading_runs:
+            return say("operator.reading_runs")
+        if self._app.badge_required:
+            return sign_in_text(self._app)
+        if run.unreset is not None:
+            return fault_text(run.unreset, engineer=self._app.role.engineer).remedy
+        if self.asking:
+            return say(f"operator.{answer}")
+        if self.refused is not None:
+            return rendered(self.refused).text
+        if causes := self.overdue:
+            return say("operator.message_overdue", causes=causes)
+        unjudged = () if summary is None or summary.omitted else summary.unjudged
+        return say("operator.message_unjudged", names=unjudged) if unjudged else ""
 
     @property
     def asking(self) -> bool:
