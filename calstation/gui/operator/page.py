@@ -406,7 +406,7 @@ class OperatorPage(Page):
         self._message.setText(self._message_text())
         self.app.overdue = waits and bool(self._starting.overdue)
         asking = run.display_state == "idle" and self._starting.asking
-        run.set_missing(self._message_text("answer_there") if waits else "", asking=asking)
+        run.set_missing(self._message_text("operator.answer_there") if waits else "", asking=asking)
 
     def _why_not_start(self) -> str:
         starting, header = self._starting, self.header
@@ -470,7 +470,7 @@ class OperatorPage(Page):
         if may_ask and request is not None and self._starting.has_open_transfer(run.unit.serial):
             self._starting.ask_transfer(request, run.unit.serial)
 
-    def _message_text(self, answer: str = "answer_first") -> str:
+    def _message_text(self, answer: str = "operator.answer_first") -> str:
         run = self.app.run
         if urgent := urgent_message(run, engineer=self.app.role.engineer):
             return urgent

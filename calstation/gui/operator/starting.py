@@ -279,7 +279,7 @@ class RunStarter(QObject):
     def missing_text(self, answer: str) -> str:
         """Return what is missing before the next run, or what to know of its product; "" for neither.
 
-        `answer` is the text about an open question: ``answer_first`` on its page, ``answer_there`` on the others.
+        `answer` is the code of the text about an open question, which differs on its page and on the others.
         """
         run, summary = self._app.run, self.run_summary
         if run.reading_runs:
@@ -289,7 +289,7 @@ class RunStarter(QObject):
         if run.unreset is not None:
             return fault_text(run.unreset, engineer=self._app.role.engineer).remedy
         if self.asking:
-            return say(f"operator.{answer}")
+            return say(answer)
         if self.refused is not None:
             return rendered(self.refused).text
         if causes := self.overdue:

@@ -191,7 +191,7 @@ class StationPage(Page):
         choices = [
             Choice("save_and_go_button", "settings.save_and_go", save, primary=True),
             Choice("discard_and_go_button", "settings.discard_and_go", discard),
-            Choice("stay_button", "settings.stay_here", lambda: None, primary=cannot_save),
+            Choice("stay_button", "settings.stay_here", lambda: None, primary=cannot_save, safe=True),
         ]
         offered = choices[1:] if cannot_save else choices
         self.notice.ask("caution", "settings.unsaved_changes", self._unsaved_names, offered)
@@ -210,7 +210,7 @@ class StationPage(Page):
                 self.save(overdue=True)
 
             choices = (
-                Choice("stay_button", "settings.stay_here", lambda: None, primary=True),
+                Choice("stay_button", "settings.stay_here", lambda: None, primary=True, safe=True),
                 Choice("save_overdue_button", "settings.save_overdue", save_overdue),
             )
             text = Text.of("settings.about_overdue", names=instruments)
