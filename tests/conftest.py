@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import gc
 import os
+from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
+from zlib import crc32
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in a run; several workers would wait for one another
 
@@ -50,7 +52,11 @@ REHEARSED = {"fleet", "outside", "verify"}
 
 @pytest.hookimpl(tryfirst=True)  # before tests are chosen by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Allow reruns of real-time tests; PostgreSQL, the window in Chinese and whole calibrations are for rehearsals."""
+    """Allow reruns of real-time tests; PostgreSQL, the window in Chinese and whole calibrations are for rehearsals.
+
+    Of the long cases of one test, the rehearsals run two, or one if the cases differ only in their language.
+    """
+    long = defaultdict(list)
     for item in items:
         folders = item.path.parent.relative_to(Path(__file__).parent).parts
         chinese = "zh_CN" in item.name and "gui" in folders
@@ -58,6 +64,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.long)
         if item.path.as_posix().endswith(REAL_TIME):
             item.add_marker(pytest.mark.flaky(reruns=2))
+        if item.get_closest_marker("long") and not item.get_closest_marker("exhaustive"):
+            long[item.nodeid.partition("[")[0]].append(item)
+    for cases in long.values():
+        languages = len(cases) == 2 and any("zh_CN" in item.name for item in cases)
+        for item in sorted(cases, key=lambda item: crc32(item.nodeid.encode()))[1 if languages else 2 :]:
+            item.add_marker(pytest.mark.exhaustive)
 
 
 def pytest_collection_finish() -> None:
