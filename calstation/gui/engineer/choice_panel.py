@@ -47,10 +47,10 @@ class ChoicePanel(QFrame):
         self.setProperty("kind", "panel")
         self._forms: dict[str, ScheduleForm] = {}
         self._name = ""
-        #: Options of the displayed product, also while a problem is shown instead of them.
+        #: Options of the last usable product, kept while a problem is shown.
         self._options: ScheduleOptions | None = None
         self._new_pin = False
-        self._warning: Text | None = None  #: Limits that no stage of the product judges.
+        self._warning: Text | None = None  #: Warning about limits that no stage of the product judges.
         self.selector = StageSelector()
         self._product = label(kind="muted", name="choice_product_label", wrap=True)
         self._problem = label(kind="error", name="choice_problem_label", wrap=True)
@@ -63,7 +63,7 @@ class ChoicePanel(QFrame):
         content = box(self._form_box, margins=(0, 0, theme.GRID // 2, 0))
         self._area = scroll_area(content, wide=False)
         self._area.setMinimumHeight(6 * theme.GRID)
-        # queued, because the fields have their new places only later
+        # queued, because the fields are not yet laid out again
         self._area.verticalScrollBar().rangeChanged.connect(self._show_edited, Qt.ConnectionType.QueuedConnection)
         for widget in (content, self._area.viewport()):
             widget.setAutoFillBackground(False)
@@ -140,9 +140,9 @@ class ChoicePanel(QFrame):
         self._show_texts()
 
     def lock(self, busy: str, role: str, save: str, *, new_pin: bool) -> None:
-        """Disable all inputs for the reason `busy` or `role`, and saving also for the reason `save`, where "" is none.
+        """Disable all inputs if `busy` or `role` is a reason, and saving also if `save` is one; "" means no reason.
 
-        The unlock button is shown for the reason `role`; it sets the first PIN if `new_pin` is True.
+        The unlock button is shown if `role` is a reason; it sets the first PIN if `new_pin` is True.
         """
         self._new_pin = new_pin
         self._show_texts()
@@ -167,7 +167,7 @@ class ChoicePanel(QFrame):
         show_text(self._product, self._name and say("engineer.for_product", product=product_text(self._name)))
 
     def _show_edited(self) -> None:
-        """Scroll to the field with the focus, and its message, after a text made the form higher or its area lower."""
+        """Scroll to the field with the focus and its message after the form has grown or its area has shrunk."""
         field = next((field for field in self.findChildren(FormField) if field.editor.hasFocus()), None)
         if field is not None:
             self._area.ensureWidgetVisible(field, 0, theme.GRID)
@@ -200,7 +200,7 @@ class StageSelector(QWidget):
             check.setMinimumHeight(_ROW_HEIGHT)
             check.setFont(theme.font(theme.SECTION))
             check.clicked.connect(lambda _=False, part=name: self._choose_part(part))
-        #: Stages of the product, of which the parts consist.
+        #: Stages of the product; each part consists of some of them.
         self._own: tuple[str, ...] = ()
         self._single = label(self._list_title, "muted")
         self._list: QVBoxLayout = column(spacing=0)
@@ -221,7 +221,7 @@ class StageSelector(QWidget):
         return tuple(stage_row.stage for stage_row in self._rows if stage_row.check.isChecked())
 
     def offer(self, stages: tuple[str, ...], own: tuple[str, ...], selected: tuple[str, ...]) -> None:
-        """List the `stages`, and check those `selected` in their order; the parts consist of the product's `own`."""
+        """List `stages`, and check those in `selected`, in that order; parts consist of the product's stages, `own`."""
         self._own = own
         clear(self._list)
         in_order = iter(selected)
@@ -267,7 +267,7 @@ class StageSelector(QWidget):
         return tuple(stage for stage in PARTS[part] if stage in self._own)
 
     def _list_title(self) -> str:
-        """Return the title of the list of stages, which are an alternative to the parts if there are any."""
+        """Return the title of the list of stages, which is an alternative to the parts if the product has any."""
         return say("engineer.single_stages" if any(map(self._stages_of, PARTS)) else "engineer.stages_in_order")
 
     def _choose_part(self, part: str) -> None:

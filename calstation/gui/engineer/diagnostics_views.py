@@ -31,7 +31,7 @@ from calstation.results import CREEP, EXCESSIVE, NOTABLE, Diagnostics, PositionR
 _MAX_POINTS = 1500
 #: Normalised innovation above which an observation is drawn as an outlier.
 _OUTLIER_LIMIT = 3.0
-#: Number of observations below which a mean below its band is not significant.
+#: Minimum number of observations for a mean below its band to be significant.
 _MIN_COUNT = 100
 #: Minimum half range of a plot, in sigmas.
 _MIN_HALF_RANGE = 5.0
@@ -133,7 +133,7 @@ def _nis_cells(stage: StageDiagnostics) -> dict[str, str]:
 
 #: Width of the left axes of the plots of residuals, px.
 _AXIS_WIDTH = 9 * theme.GRID
-#: Shares of the plots of residuals in their height: two have long labels, and the last a horizontal axis with names.
+#: Relative heights of the plots of residuals; the last two have a long label or a horizontal axis with names.
 _SHARES = 8, 8, 10, 13
 #: Smallest range of the plot of the tests in units of `EXCESSIVE`, with space for the names of stages and the caption.
 _HEADROOM = 2.0

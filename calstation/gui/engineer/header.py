@@ -12,7 +12,7 @@ class EngineerHeader(QWidget):
     """Fields for the serial number and the engineer, the START button and the status of the run.
 
     Signals: `start_pressed()`; `edited()` when a text changes; `serial_entered()` on Enter in the serial field, which
-    scanners send, too.
+    scanners also send.
     """
 
     start_pressed = Signal()
@@ -64,7 +64,7 @@ class EngineerHeader(QWidget):
             self._show_start()
 
     def show_next_run(self, why_not: str, overdue: str, writes: str) -> None:
-        """Enable START and show next to it why the next run cannot start or must be permitted, or what it writes."""
+        """Enable START, and show next to it why the next run cannot start, what is overdue, or what the run writes."""
         enable(self.start_button, why_not)
         self._strip.show_idle(why_not or overdue or writes, ready=not (why_not or overdue))
 
@@ -74,7 +74,7 @@ class EngineerHeader(QWidget):
         return self.serial_edit.text().strip()
 
     def show_person(self, name: str, *, signed_in: bool) -> None:
-        """Show the person at the window, who is entered here only at a station without badges."""
+        """Show the name of the user, which can be edited only if the user has not signed in with a badge."""
         if name != self.engineer_edit.text().strip() and not self.engineer_edit.hasFocus():
             with QSignalBlocker(self.engineer_edit):
                 self.engineer_edit.setText(name)
@@ -84,7 +84,7 @@ class EngineerHeader(QWidget):
         self.start_button.setText(say("common.start_partial" if self._partial else "common.start"))
 
     def show_next(self, next_unit: bool, slot: str) -> None:
-        """Show whether the field is for the next unit, and the slot for the next scan or ""."""
+        """Show whether the field is for the next unit, and the slot for the next scan ("" for none)."""
         if (next_unit, slot) != (self._next_unit, self._slot):
             self._next_unit, self._slot = next_unit, slot
             self._serial_caption.setText(self._serial_text())

@@ -19,7 +19,7 @@ from calstation.sequencer import StageRanked
 
 #: Strength above which a state is observable.
 _OBSERVED = 1.0 / OBSERVABLE
-#: Range of the colour scale, decades, which covers strengths from 1 to 100 000.
+#: Range of the colour scale, decades: strengths from 1 to 100 000.
 _DECADES = 5
 #: Width of the state names, height of a row, and height of the step axis, px.
 _NAMES_WIDTH, _ROW, _AXIS = 25 * theme.GRID, 13, 13 * theme.GRID

@@ -54,12 +54,12 @@ class EngineerPage(Page):
         self._suggested = ""
         #: Error in the station or product files that prevents a run.
         self._problem: CalstationError | None = None
-        #: Name of the log of the last run, or of its first unit; "" before its end, None before the first run.
+        #: Name of the log of the last run, or of its first unit; "" until the run ends, None before the first run.
         self._last_log: str | None = None
-        #: Whether the choice is kept after the run in progress, because it was started on this page.
+        #: Whether the selection is kept after the run in progress, because the run was started here or resumed.
         self._keeps_choice = False
-        #: Code of the reason why nothing may start, why the station and the product are not usable for a run, what an
-        #: operator must do before it, and whether the Operator page asks a question.
+        #: Reason why nothing may start, problem of the station or the product, what is missing before a run, and
+        #: whether the Operator page asks a question.
         self._obstacles: tuple[str | Text, Text | None, str, bool] | None = None
         self.header = self._header = EngineerHeader(app.run)
         self.choice = ChoicePanel()
@@ -80,7 +80,7 @@ class EngineerPage(Page):
     def manual(self) -> str:
         """The section of the manual about the current view."""
         analysis, view = self.analysis, self._views.currentWidget()
-        places: dict[QWidget | None, str] = {
+        sections: dict[QWidget | None, str] = {
             self.preview: "explanation/estimation.md#partial-runs",
             analysis.observability: "explanation/estimation.md#observability",
             self.registers: "how-to/connect.md#what-a-transfer-verifies",
@@ -89,7 +89,7 @@ class EngineerPage(Page):
             self.design: "how-to/design-a-schedule.md",
             self._slots: "how-to/several-units.md#run-a-batch",
         }
-        return places.get(view, "explanation/verdict.md#the-chain")
+        return sections.get(view, "explanation/verdict.md#the-chain")
 
     def prepare(self) -> None:
         """Create the views that a run fills."""
@@ -168,24 +168,24 @@ class EngineerPage(Page):
         self._tabs.setTabVisible(self._views.indexOf(self._slots), options is not None and bool(options.slots))
         self.design.offer(options)
         if options is not None and options.offered:
-            self._show_options(options)  # before the number is suggested, which updates the page
+            self._show_options(options)  # before a new serial number updates the page
         if self._header.serial in ("", self._suggested):
             self._suggest()
         self._update()
 
     def _show_options(self, options: ScheduleOptions) -> None:
-        """List the stages of the product; the selection stays unless the product or its stages are others."""
+        """List the stages of the product; keep the selection if the product still offers all selected stages."""
         if not self.choice.keeps(options):
             self.choice.show_options(options)
             return
-        with QSignalBlocker(self.choice):  # a selection that was kept after a run is not for the Operator page
+        with QSignalBlocker(self.choice):  # the Operator page must not get a selection kept after a run
             self.choice.show_options(options, keep=True)
         self.preview.mark_outdated()
         if self.app.stages is not None:
             self._choice_changed()
 
     def _suggest(self) -> None:
-        """Suggest the unit of the virtual bench unless its verdict is displayed; clear the field on hardware."""
+        """Suggest the unit of the virtual bench unless its verdict is displayed; with hardware, clear the field."""
         run = self.app.run
         displayed = run.unit.serial if run.ended or run.fault is not None else ""
         serial = "" if self._options is None else self._options.serial
@@ -224,10 +224,10 @@ class EngineerPage(Page):
         self._update()
 
     def _running_changed(self, running: bool) -> None:
-        """Show a run live; after it, clear the serial number and show its remarks.
+        """Show the progress of a run; after the run, clear the serial number and show the remarks.
 
-        The choice of stages and schedule applies to one run, but is kept here after a run that was started here or
-        resumed, which has the stages of its log. The serial number is not kept: the unit on the table must be
+        The selection of stages and schedule applies to one run, but this page keeps it after a run that was started
+        here or resumed (with the stages of its log). The serial number is not kept: the unit on the table must be
         identified before every run.
         """
         self._start_dialog.drop()
@@ -256,7 +256,7 @@ class EngineerPage(Page):
         self._update()
 
     def _offer_resume(self) -> None:
-        """After a stopped run that can be resumed, offer the question of the Operator page."""
+        """Offer to resume the stopped run, in the same words as on the Operator page."""
         for unit in self.app.run.units:
             ended, result = unit.finalized, unit.result
             if ended is not None and result is not None and result.advice == "resume":
@@ -278,7 +278,7 @@ class EngineerPage(Page):
         )
 
     def _register_request(self) -> RunRequest:
-        """Return the request for a register operation; an empty field means the last run's unit on a virtual bench."""
+        """Return the request for a register operation; on a virtual bench, an empty field means the last run's unit."""
         request, serial = self._request(), self.app.run.unit.serial
         if not self._header.serial and serial and self._options is not None and self._options.virtual:
             request = replace(request, serial=serial)
@@ -344,7 +344,7 @@ class EngineerPage(Page):
         self._tabs.setTabVisible(self._views.indexOf(self.analysis.over_temperature), False)
 
     def _start(self) -> None:
-        """Ask the questions before a start; units in slots that are not displayed are shown first."""
+        """Ask the questions before a start; if units are in slots, show the slots first."""
         self.notice.dismiss()
         request, serials = self._request(), self.app.slots.serials
         if serials and self._views.currentWidget() is not self._slots:
@@ -355,7 +355,7 @@ class EngineerPage(Page):
         self._start_dialog.begin(replace(request, serial=first[0], serials=serials))
 
     def _run_changed(self) -> None:
-        """Update the actions only after a change of what prevents a run; this slot is called many times per second."""
+        """Update the actions only if the obstacles to a run have changed; this is called many times per second."""
         self._show_next()
         run = self.app.run
         obstacles = run.why_not_start, run.problem, run.missing, run.asking
@@ -451,7 +451,7 @@ class EngineerPage(Page):
         )
 
     def _show_other_unit(self) -> None:
-        """Say if the displayed result is not of the entered serial number, the chosen product or the last run."""
+        """Warn if the displayed result is not that of the entered serial number, the chosen product or the last run."""
         shown, entered = self.analysis.serial, self._header.serial
         differs = bool(shown and entered) and shown != entered and self._why_no_serial() is None
         texts = [say("engineer.result_of_other_unit", shown=shown, entered=entered)] if differs else []

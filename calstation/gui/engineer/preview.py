@@ -44,7 +44,7 @@ class PreviewView(QWidget):
         super().__init__()
         self._request = request
         self.preview: Preview | None = None
-        #: Whether the selection has changed since the displayed preview, and since the latest one, was started.
+        #: Whether the selection has changed since the displayed, or since the latest, preview was started.
         self._outdated = self._next_outdated = False
         self._error: CalstationError | None = None
         self.watch = app.job(self, compute_preview, self._done, failed=self._show_error, cancelled=self._refresh)
@@ -83,7 +83,7 @@ class PreviewView(QWidget):
     def _done(self, preview: Preview) -> None:
         self.preview, self._outdated = preview, self._next_outdated
         self._plot.show_data(preview)
-        self._plot.setVisible(bool(preview.outer.any() or preview.inner.any()))  # that of a gimbal is unknown
+        self._plot.setVisible(bool(preview.outer.any() or preview.inner.any()))  # unknown for a gimbal
         self._table.setVisible(not preview.violations)
         self._stack.setCurrentIndex(1)
         self._show_texts()
@@ -207,7 +207,7 @@ def _problem_texts(preview: Preview) -> list[str]:
 
 
 def _end_texts(preview: Preview) -> list[str]:
-    """Return what ends every repeated stage, and what limits the sigmas or why they cannot be predicted."""
+    """Return what ends each repeated stage, which stages miss their targets, and why sigmas cannot be predicted."""
     repeated = [stage for stage in preview.stages if stage.reason not in ("", "plan")]
     ends = [
         say(f"engineer.ends_{stage.reason}", stage=stage.stage, rounds=rounds_text(stage.stage, stage.rounds))
@@ -291,7 +291,7 @@ def _names(preview: Preview) -> tuple[str, ...]:
 
 
 def _reached(preview: Preview, name: str) -> bool | None:
-    """Return whether the expected sigma of a parameter meets its limit, or None if either is unknown or not judged."""
+    """Return whether the expected sigma of a parameter meets its limit, or None if that is unknown or not judged."""
     if name in preview.not_improved:
         return None
     expected, limit = _expected(preview, name), preview.limits.get(name)

@@ -83,12 +83,12 @@ class RegistersView(QWidget):
         self._run: FinishedRun | None = None
         #: Registers that the run wrote; None if it wrote none.
         self._wrote: RunRegisters | None = None
-        #: Transfer that wrote the registers of the unit that was read or, before that, of the run; None if unknown.
+        #: Latest transfer to the unit that was read or, if none was read, to the unit of the run; None if unknown.
         self._latest: Transfer | None = None
         self._operation: RegisterOperation | None = None
         #: Latest event of the current write that is in `_INCOMPLETE`; "" if there is none.
         self._incomplete = ""
-        #: End of the last operation, while the registers that it left are displayed; None without one.
+        #: Outcome of the last operation while the resulting registers are displayed, otherwise None.
         self._settled: Settled | None = None
         self._old: dict[str, Register] = {}
         self._new: dict[str, Register] = {}
@@ -97,7 +97,7 @@ class RegistersView(QWidget):
         #: Why the registers of the result could not be computed, or "".
         self._why_no_target: Words = ""
         self._progress: Words = ""
-        #: Whether the unit that is being read is that of another station, product or folder.
+        #: Whether the station, product or folder has changed since the read started.
         self._is_outdated = False
         end = self._end_reading
         self.watch = app.job(self, read_unit, end, failed=end, cancelled=self._refresh, cancellable=False)
@@ -200,7 +200,7 @@ class RegistersView(QWidget):
         self.changed.emit()
 
     def _confirm(self, operation: RegisterOperation) -> None:
-        """Start an operation, if the product requires it after the confirmation by two engineers."""
+        """Start an operation; if the product requires two engineers, start it after both have confirmed it."""
         try:
             needed = confirmation_required("registers", *self._files())
         except CalstationError as error:
@@ -301,12 +301,12 @@ class RegistersView(QWidget):
         self.changed.emit()
 
     def _look_up(self) -> None:
-        """Read in the journal of the unit what became of the registers that the run wrote, and which are the latest."""
+        """Read the unit's latest transfer, and what became of the registers that the run wrote, from the journal."""
         run, shown = self._run, self.unit or self.target
         self._wrote = self._latest = None
         try:
             station = load_station(self._request().station)[1]
-            if run is not None and not (run.result.simulated and station.bench is None):  # wrote none to a real unit
+            if run is not None and not (run.result.simulated and station.bench is None):  # wrote to no real unit
                 self._wrote = run_registers(run.result, run.runs)
             if shown is not None:
                 self._latest = unit_transfer(station, self._app.runs_folder, shown.serial)
@@ -350,7 +350,7 @@ class RegistersView(QWidget):
 
     @property
     def _written_remain(self) -> bool:
-        """Whether the unit contains the registers that the run wrote, verified, according to its journal."""
+        """Whether, according to its journal, the unit still contains the verified registers that the run wrote."""
         return self._wrote is not None and self._wrote.verified and not self._wrote.replaced
 
     def _old_heading(self) -> str:
@@ -367,7 +367,7 @@ class RegistersView(QWidget):
         return say("engineer.before_run", value=f"{value:.4f}", unit=unit)
 
     def _ask(self) -> None:
-        """Ask for confirmation of a write in a question that states the changes and any verdict other than PASS.
+        """Ask for confirmation of a write, stating the changes and any verdict other than PASS.
 
         If a transfer was interrupted, ask instead whether to finish or to revert it.
         """
@@ -412,7 +412,7 @@ class RegistersView(QWidget):
         self._notice.ask("caution", title, about, [choices[0], revert, *choices[1:]])
 
     def _choices(self, operation: RegisterOperation, code: str, by_hand: Words) -> list[Choice]:
-        """Return the choices of a question: cancel, or start an operation, with and without motion of the table."""
+        """Return the choices of a question: cancel, or start an operation with or without motion of the table."""
         at_rest = partial(self._confirm, replace(operation, at_rest=True))
         cancel = Choice("cancel_write_button", "common.cancel", lambda: None, primary=True, safe=True)
         if not self.table:
@@ -428,7 +428,7 @@ class RegistersView(QWidget):
         return say(f"engineer.about_{what}_{'by_turns' if self.table else 'at_rest'}", table=self.table)
 
     def _later(self, result: Result) -> Text | None:
-        """Return that the registers of the unit are later than a result, or None if they are not."""
+        """Return a text if the registers of the unit were written after the run of a result, or None."""
         latest, started = self._latest, result.started_utc
         if latest is None or not started or latest.utc < started or latest.source == Path(result.log.file).name:
             return None
@@ -436,7 +436,7 @@ class RegistersView(QWidget):
         return Text.of(code, serial=result.serial, time=latest.utc)
 
     def _show_reason(self) -> None:
-        """Show the reason for a disabled button below it, because touch screens show no tooltips; show it only once."""
+        """Show why a button is disabled, because touch screens show no tooltips; show it only once."""
         self._reason.setText(self._why_not)
         shown = not self._why_not or self._why_not in self._about.text()
         self._reason.setVisible(not (shown or self.watch.busy or self._progress))
@@ -458,7 +458,7 @@ class RegistersView(QWidget):
 
     @property
     def _stated(self) -> RunRegisters | None:
-        """Registers that the run wrote; None while the target registers are computed, or if it wrote none."""
+        """Registers that the run wrote; None while the target registers are computed, or if the run wrote none."""
         return self._wrote if self.target is not None or self._why_no_target else None
 
     def _state(self) -> tuple[str, str]:

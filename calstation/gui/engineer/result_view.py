@@ -59,7 +59,7 @@ from calstation.results import (
 _NONE = "–"
 #: Maximum height of the table of checks that do not refer to a single parameter, px.
 _MAX_CHECKS_HEIGHT = 26 * theme.GRID
-#: Kinds of checks of the output that the parameters correct, without added states.
+#: Kinds of checks of the output corrected with the parameters; the correction omits added states.
 _COMPENSATED: frozenset[CheckKind] = frozenset(
     {
         *("gravity_at_rest", "improvement_at_rest", "improvement_at_rest_floor", "level_horizontal", "level_vertical"),
@@ -85,7 +85,7 @@ _NUMBERS = ("value", "at", "sigma", "previous", "change", "in_sigma", "limit", "
 _COMPARED_COLUMNS = (8, 9, 10)
 #: Column of the acceptance limits, which the decision rule may narrow.
 _ACCEPTED_COLUMN = 5
-#: Column of the temperature of the worst value, and headings of value and sigma of a result over temperature.
+#: Column of the temperature of the worst value, and headings for a result over temperature.
 _AT_COLUMN = 2
 _WORST = {
     **{"value": "common.worst_value", "sigma": "common.worst_sigma"},
@@ -147,7 +147,7 @@ class ResultView(QWidget):
         self.refresh()
 
     def refresh(self) -> None:
-        """Show the run again, whose registers may have been written again."""
+        """Show the run again, because its registers may have been written since."""
         finished = self.finished
         if finished is None:
             return
@@ -168,7 +168,7 @@ class ResultView(QWidget):
         if result.product:
             texts.append(say("engineer.for_product", product=product_text(result.product)))
         count, failed = len(result.checks), len(result.failed_checks)
-        if count and (failed or result.verdict.judged):  # of a run that did not end, only failed checks say something
+        if count and (failed or result.verdict.judged):  # before the end of a run, passed checks mean little
             passed = count - failed
             texts.append(say("engineer.checks_passed", passed=passed, count=count))
             if failed:
@@ -236,7 +236,7 @@ def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
         # a trial with an added state solves the same data again
         sigmas = in_sigma(at_reference, previous, independent=not result.states_added)
         cells["in_sigma"] = "0" if before == now else sigmas_text(sigmas)
-        if not_improved:  # the difference of a value from itself is no repeatability
+        if not_improved:  # the value was kept, so a change of 0 is no evidence of repeatability
             cells["in_sigma"] = say("engineer.not_improved")
         elif abs(sigmas) > NOTABLE_SIGMAS:
             cells["change_state"] = "caution"
@@ -244,7 +244,7 @@ def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
         if isinstance(interval, tuple):
             low, high = limit_numbers(interval, size, parameter.value)
             cells[key] = f"±{high}" if interval[0] == -interval[1] else f"{low} … {high}"
-            if interval[0] > interval[1]:  # the guard band leaves nothing
+            if interval[0] > interval[1]:  # the guard band leaves no acceptance interval
                 cells[key] = _NONE
     if sigma_limit is not None and not isinstance(sigma_limit, tuple):
         cells["sigma_limit"] = limit_number(sigma_limit, size, parameter.sigma)
@@ -252,7 +252,7 @@ def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
 
 
 def _conformity_hint(result: Result, name: str) -> str:
-    """Return the probability that the decision on a parameter is wrong, and the risks for its product."""
+    """Return the probability that the decision on a parameter is wrong, and the product's risks of wrong decisions."""
     decision = value_decisions(result).get(name)
     if decision is None:
         return ""

@@ -64,7 +64,7 @@ class ScheduleForm(QWidget):
 
     @property
     def values(self) -> dict[str, Any]:
-        """Entered values by field; a text that is not a number is unchanged, and the validation rejects it."""
+        """Entered values by field; text that is not a number is kept and rejected by the validation."""
         return self._source.values
 
     @property
@@ -83,7 +83,7 @@ class ScheduleForm(QWidget):
 
     @property
     def wrong(self) -> tuple[str, ...]:
-        """The displayed names of the fields with invalid values, which may be out of sight."""
+        """The displayed names of the fields with invalid values, which may be scrolled out of view."""
         names = dict.fromkeys(str(problem.key_path[0]) for problem in self._source.problems if problem.key_path)
         return tuple(schedule_text(name, self.stage) for name in names)
 
@@ -156,7 +156,7 @@ class _Field(FormField):
 class _TargetField(_Field):
     """The field for the target sigma of a parameter group in its display unit; it warns above the product's limit.
 
-    While it is empty, it shows the target that nevertheless applies, which a typed one replaces.
+    While the field is empty, its placeholder is the target that applies by default.
     """
 
     def __init__(self, source: FormValues, stage: str, spec: FieldSpec, group: str, options: ScheduleOptions) -> None:
@@ -179,7 +179,7 @@ class _TargetField(_Field):
         self._edit.setPlaceholderText("" if implied is None else f"{implied / self._size:.3g}")
 
     def changes(self, value: Any) -> dict[KeyPath, Any]:
-        """Return the target, which replaces those of single parameters, or these again without a target."""
+        """Return the new target, which replaces those of single parameters, or restore these if there is no target."""
         changes: dict[KeyPath, Any] = {self._key_path: value}
         return changes | {(self._key_path[0], n): s if value is None else None for n, s in self._single.items()}
 

@@ -74,7 +74,7 @@ class DesignForm(QFrame):
             for name in ("rate", "acceleration")
         }
         seed = _SpinField(source, "seed", SpinEdit(0.0, 9999.0, 1.0, 0), "engineer.seed")
-        #: Properties of the unit in the chamber, over temperature.
+        #: Thermal properties of the unit in the chamber, for a design over temperature.
         self._thermal_fields = (
             _SpinField(source, "time_constant", SpinEdit(1.0, 20_000.0, 10.0, 0), "engineer.time_constant_field"),
             _SpinField(source, "self_heating", SpinEdit(0.0, 50.0, 0.5, 1), "engineer.self_heating_field"),
@@ -127,7 +127,7 @@ class DesignForm(QFrame):
 
     @property
     def conditions(self) -> tuple[object, ...]:
-        """The goal and the values that a design must fulfil, without those that only control the search."""
+        """The goal, the problem and the values on which a design depends, except those that only control the search."""
         values = self._source.values
         bound = {SHORTEST: ("margin",), GIVEN_TIME: ("minutes",)}.get(self.goal, ())
         names = (*bound, "rate", "acceleration", "time_constant", "self_heating")
@@ -224,7 +224,7 @@ class SaveBar(NameBar):
         super().__init__(names, label("engineer.product_name"), "common.save")
 
     def ask(self, source: str) -> None:
-        """Ask for the name of a product derived from the product `source`; both names are without suffix."""
+        """Ask for the name of a product derived from the product `source`; names have no file suffix."""
         self._source = source
         base, present, number = f"{source.removesuffix('_fast')}_fast", library.names("products"), 1
         name = base
@@ -250,7 +250,7 @@ class SaveBar(NameBar):
 
 
 class ResultHead(QWidget):
-    """The state of a design and its headline, which names its product and station; a design may be out of date."""
+    """The state of a design, or why it is out of date, and a headline that names its product and station."""
 
     def __init__(self, name: str) -> None:
         super().__init__()
@@ -261,7 +261,7 @@ class ResultHead(QWidget):
         column(row(self._badge, (self._headline, 1), spacing=2 * theme.GRID), self._note, on=self, spacing=0)
 
     def show_design(self, state: tuple[str, str], options: ScheduleOptions, text: str) -> None:
-        """Show the state of a design for `options`, as shape and text of its badge, and its headline."""
+        """Show the state of a design (shape and text of the badge) and its headline, with the names in `options`."""
         name = say("engineer.design_of", product=product_text(options.name), station=station_text(options.station))
         first, *more = text.split("\n")
         self._state = state

@@ -35,7 +35,7 @@ from calstation.results import Preview
 _STEP = np.deg2rad(4.0)
 #: Maximum displayed ratio relative to the smallest ratio; the ratios after the first moves are far larger.
 _MAX_RATIO = 30.0
-#: Top of the plot relative to the largest displayed ratio, for the note.
+#: Top of the plot relative to the largest displayed ratio, which leaves space for the note.
 _HEADROOM = 1.2
 #: Smallest distance between the names of two axes, in units of the radius of the sphere.
 _LETTER = 0.2
@@ -85,7 +85,7 @@ class FrontPlot(ThemedPlot):
         diamond = {"symbol": "d", "symbolSize": 16, "symbolBrush": c.good, "symbolPen": c.panel}
         mark = pg.PlotDataItem([design.duration / size], [design.worst], pen=None, name="chosen", **diamond)
         low, high = float(front[:, 1].min()), float(front[:, 1].max())
-        nearest = min((ratio for _, ratio in better), default=low)  # which is at least displayed
+        nearest = min((ratio for _, ratio in better), default=low)  # always displayed
         top = _HEADROOM * max(design.margin, min(high, _MAX_RATIO * low), nearest)
         self.setYRange(np.log10(0.8 * low), np.log10(top), padding=0.0)
         self.addItem(line)

@@ -137,7 +137,7 @@ class DesignResult(QWidget):
         self._drawn.setCurrentIndex(1)
 
     def lock(self, reason: str, outdated: str) -> None:
-        """Disable saving for the given reason, and show why the design is out of date; "" for neither."""
+        """Disable saving for `reason`, and show why the design is out of date, `outdated`; both may be ""."""
         self._head.set_outdated(outdated)
         enable(self._save_button, reason, say("engineer.save_as_product_tip"))
 

@@ -1,4 +1,4 @@
-"""View of a design over temperature: soaks, a ramp and other numbers of temperatures, and the sigmas over the range."""
+"""View of a design over temperature: the schedules with soaks and with a ramp, and the sigmas over the range."""
 
 from collections.abc import Callable
 
@@ -77,7 +77,7 @@ class TemperatureDesignResult(QWidget):
         self._show_texts()
 
     def lock(self, reason: str, outdated: str) -> None:
-        """Disable saving for the given reason, and show why the design is out of date; "" for neither."""
+        """Disable saving for `reason`, and show why the design is out of date, `outdated`; both may be ""."""
         self._head.set_outdated(outdated)
         enable(self._save_button, reason, say("engineer.save_as_product_tip"))
 
@@ -135,7 +135,7 @@ def _schedule_cells(design: TemperatureDesign) -> dict[str, dict[str, str]]:
 
 
 def _sigma_cells(design: TemperatureDesign) -> dict[str, dict[str, str]]:
-    """Return a row for the parameter of each group with a limit that is closest to it."""
+    """Return a row for each group with a limit: its parameter with the largest ratio of sigma to limit."""
     cells = {}
     for group in GROUPS:
         i = max(group_indices(group), key=lambda k: float(design.chosen.ratios[k]))

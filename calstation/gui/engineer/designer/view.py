@@ -117,7 +117,7 @@ class DesignView(QWidget):
 
     @property
     def _conditions(self) -> tuple[object, ...]:
-        """What a design is for: the station, the product and the values of the form."""
+        """The conditions of a design: the options of the product, the station and the values of the form."""
         return self._options, self._app.station_path, self.form.conditions
 
     def lock(self, reason: str, why_not_save: str) -> None:
@@ -173,7 +173,7 @@ class DesignView(QWidget):
         return say("engineer.design_best_duration", duration=duration_text(float(note)))
 
     def _designed(self, result: "Design | TemperatureDesign") -> None:
-        """Show a design, and start the job that computes the path of one at one temperature."""
+        """Show a design; if it is for one temperature, start the job that computes its path."""
         from calstation import designer
 
         if self._searched is None:
