@@ -18,7 +18,8 @@ from calstation.validation import read_validation
 ABOUT, LICENCE = "help:about", "help:licence/"
 #: Name of the program, and of its font, in the URL of the licence.
 _PROGRAM, _FONT = "calstation", "font"
-_LONGEST = 40
+#: Maximum length of the name of a licence.
+_MAX_NAME_LENGTH = 40
 #: Maximum number of listed validations, the latest first.
 _MAX_VALIDATIONS = 5
 
@@ -105,6 +106,6 @@ def _licence_name(each: Distribution) -> str:
     metadata = each.metadata
     names = [name for field in ("License-Expression", "License") for name in metadata.get_all(field) or []]
     names += [entry.rpartition(" :: ")[2] for entry in metadata.get_all("Classifier") or [] if "License ::" in entry]
-    short = next((name for name in names if name and len(name) <= _LONGEST and "\n" not in name), None)
+    short = next((name for name in names if name and len(name) <= _MAX_NAME_LENGTH and "\n" not in name), None)
     title = next((line.strip() for name in names for line in name.splitlines() if line.strip()), "–")
-    return short or (title if len(title) <= _LONGEST else "–")
+    return short or (title if len(title) <= _MAX_NAME_LENGTH else "–")

@@ -13,7 +13,7 @@ from pathlib import Path
 from calstation.config import library
 from calstation.gui.text import language, say
 
-#: Groups of chapters by their folder, with the catalogue code of the title of each group; "" for single chapters.
+#: Catalogue code of the title of each group of chapters by the folder of the group.
 GROUPS = {"how-to": "help.how_to", "reference": "help.reference", "explanation": "help.explanation"}
 #: Chapters before and after the groups, as paths in the manual.
 _FIRST, _LAST = ("index.md", "tutorial.md"), ("limits-of-judgement.md", "glossary.md", "contract.md")
@@ -54,9 +54,9 @@ def chapters() -> dict[str, list[tuple[str, str]]]:
 
 
 def sorted_titles(paths: list[str], *, keep: bool) -> list[tuple[str, str]]:
-    """Return titles and paths of chapters, unless `keep` sorted by title after those in the current language.
+    """Return (title, path) of chapters in the order of `paths` if `keep`, else those in the current language first.
 
-    The title of a chapter that is not in the current language says so.
+    Without `keep`, the chapters are also sorted by title. The title of a chapter without a translation says so.
     """
     titled = [(sections(path)[0].chapter, path) for path in paths]
     titled = titled if keep else sorted(titled, key=lambda each: (not _translated(each[1]), each))
@@ -76,7 +76,7 @@ def search(words: str) -> list[Section]:
 
 
 def chapter_text(path: str) -> str:
-    """Return the text of a chapter in the current language or, after a line that says so, in English."""
+    """Return the text of a chapter in the current language or, after a note that it is not translated, in English."""
     text = _read(path, _translated(path))
     return f"{say('help.not_translated')}\n\n{text}" if language.current() != "en" and not _translated(path) else text
 

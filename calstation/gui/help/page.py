@@ -33,14 +33,14 @@ class ManualBrowser(QTextBrowser):
         self.anchorClicked.connect(self.open)
 
     def open(self, url: QUrl) -> None:
-        """Open a chapter or a text of the program here, and everything else with the program of the system."""
+        """Open a chapter or a text of the program here, and any other URL with the default program of the system."""
         if url.scheme() == "help" or url.path().endswith(".md"):
             self.setSource(url)
         else:
             QDesktopServices.openUrl(url)
 
     def mark(self, words: list[str]) -> None:
-        """Highlight words in this and the next chapters."""
+        """Highlight words in this chapter and in those opened later."""
         self._words = words
         found = []
         for word in words:
@@ -53,7 +53,7 @@ class ManualBrowser(QTextBrowser):
         self.setExtraSelections(found)
 
     def loadResource(self, kind: int, name: QUrl | str) -> Any:
-        """Return the text of an URL of the program, or an image that is not wider than the page."""
+        """Return the text of a URL of the program, or an image that is not wider than the page."""
         url = self.source().resolved(QUrl(name))
         if url.scheme() == "help":
             path = url.toString()
@@ -119,7 +119,7 @@ class HelpPage(Page):
         self.list.setWordWrap(True)
         self.list.setSpacing(theme.GRID // 4)
         self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        # Qt keeps the heights of rows that a scroll bar narrows later, so that their second lines would overlap others
+        # Qt does not adapt the heights of rows that a scroll bar narrows later, so wrapped rows would overlap
         self.list.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOn)
         self.search_edit = line_edit("manual_search_edit", self._search, hint="help.search")
         self.search_edit.setClearButtonEnabled(True)
