@@ -145,7 +145,7 @@ class AuditView(JobView):
         enable(self._export_button, "" if rows else say("history.nothing_to_export"))
 
     def _line_cells(self, line: TrailLine) -> dict[str, str]:
-        """Return the cells of a line; from the first damage of the trail on it has a symbol and says why."""
+        """Return the cells of a line; from the first damaged line of the trail on, with a symbol and its reason."""
         if line.event is None:
             cells = dict.fromkeys(("time", "by", "confirmed_by", "why"), "") | {"values": line.text}
             return {**cells, **_marks(line), "event": say("history.audit_line_changed", line=line.number)}
@@ -177,7 +177,7 @@ class AuditView(JobView):
 
 
 def _marks(line: TrailLine) -> dict[str, str]:
-    """Return symbol and tooltip of a line that the chain does not prove."""
+    """Return the symbol and tooltip of a line that the hash chain does not verify."""
     changed = line.state == "changed"
     hint = say("history.audit_changed" if changed else "history.audit_unproved", line=line.number)
     return {"kind": "bad" if changed else "caution", "hint": hint}

@@ -51,7 +51,7 @@ class RunComparison(QWidget):
         self._note = label(kind="muted", wrap=True, name="comparison_note_label")
         self.table = ComparisonTable("run_comparison_table", "history.compared_parameters", independent=True)
         header = self.table.horizontalHeader()
-        header.setTextElideMode(Qt.TextElideMode.ElideNone)  # Qt elides lines as if they were one
+        header.setTextElideMode(Qt.TextElideMode.ElideNone)  # Qt elides several lines as if they were one
         header.setMinimumHeight(8 * theme.GRID)  # serial number, date and time on three lines
         self.plot = ComparisonPlot()
         body = split((self.table, 13), (self.plot, 9), handle=2 * theme.GRID)
@@ -112,7 +112,7 @@ class ComparisonPlot(ThemedPlot):
         theme.on_appearance_change(self, self.draw)
 
     def show_results(self, names: Sequence[str], results: Sequence[Result]) -> None:
-        """Plot the named parameters for which at least one result has limits, for the results that have them."""
+        """Plot the named parameters that have limits in at least one result, for the results with these limits."""
         self._results = results
         self.limits = [limits_of(result) for result in results]
         limited = {name for limits in self.limits for name in limits}

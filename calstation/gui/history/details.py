@@ -50,7 +50,7 @@ _MAX_FAILED = 8
 
 @dataclass(frozen=True)
 class Actions:
-    """What determines the possible actions: a run is in progress, a run is being closed, this run can be resumed."""
+    """Conditions of the actions: a run is in progress, a run is being closed, the displayed run can be resumed."""
 
     running: bool = False
     closing: bool = False
@@ -118,8 +118,8 @@ class RunDetails(QFrame):
     ) -> None:
         """Show a run, its result, the solved runs of its unit (the oldest first), and the possible actions.
 
-        `absent` are the ranges of the attempt numbers of the unit of which no run is known, and `doubt` is what
-        does not confirm the result.
+        `absent` contains the ranges of the unit's attempt numbers without a known run; `doubt` states why the result
+        is not confirmed.
         """
         registers = "" if result is None else advice.register_state(result, run.log.parent)
         shown = run, result, tuple(unit_runs), tuple(absent), doubt, registers
@@ -144,7 +144,7 @@ class RunDetails(QFrame):
             self._show_actions()
 
     def _make_room(self, open_: bool = False) -> None:
-        """Show the plot that the tabs select; inputs that are `open_` take its space and that of the buttons."""
+        """Show the plot that the tabs select; if `open_`, hide it and the buttons to make room for inputs."""
         shown = self.curves.has_curves and self.plot_tabs.currentIndex() == 1
         self._run_buttons.setVisible(not open_)
         self.plot_tabs.setVisible(self.curves.has_curves and not open_)
@@ -152,7 +152,7 @@ class RunDetails(QFrame):
         self.trend.setVisible(not shown and not open_ and self.trend.has_values)
 
     def _offer_documents(self, releasing: bool = False) -> None:
-        """Show the buttons for documents; the inputs of a release take their space."""
+        """Show the buttons for documents; hide them while the inputs of a release use their space."""
         for document in self._documents:
             document.offer(self._result, None if releasing or self._run is None else self._run.result)
 
@@ -210,7 +210,7 @@ class RunDetails(QFrame):
         self._update_buttons(run)
 
     def _outcome_in_doubt(self, run: RunRecord) -> str:
-        """Return the outcome of a run without its unrecorded release; "" if the log is in doubt."""
+        """Return the outcome of a run without its unrecorded release; "" if the release is not in doubt."""
         if self._doubt is None or self._doubt.code not in RELEASE_IN_DOUBT:
             return ""
         return say("history.without_release", outcome=run_outcome(replace(run, altered=False)))
@@ -232,7 +232,7 @@ class RunDetails(QFrame):
             if fault is None:
                 return run.error
             text = rendered(fault.as_text)
-            reset = known(fault.code) and entry(fault.code).resettable  # of which the page has no button
+            reset = known(fault.code) and entry(fault.code).resettable  # this page has no button for it
             return "\n".join(filter(None, (text.text, "" if reset else text.remedy)))
         if result is not None and result.override is not None:
             return ""  # the note on the override states the reason
@@ -280,7 +280,7 @@ class RunDetails(QFrame):
                 self._facts.addRow(label(code, "muted"), value)
 
     def _why_no_log(self, run: RunRecord) -> str:
-        """Return why the log, which may have to be copied from an archive, cannot be opened, or ""."""
+        """Return why the log can be neither opened nor copied from an archive, or ""."""
         if run.log.exists() or is_archived(run.location):
             return ""
         if not run.origin:

@@ -13,9 +13,9 @@ from calstation.gui.widgets import column, combo_box, fill_combo, label, line_ed
 from calstation.messages import Text, local_time
 from calstation.records import RunChoices, RunFilter
 
-#: Choices of the runs whose result file differs from the log, or whose files are missing, which a verdict excludes.
+#: Choices for the runs whose result file differs from the log, and for the runs whose files are missing.
 _ALTERED, _MISSING = "altered", "missing"
-#: Outcomes that also list the runs whose result file was changed: a FAIL remains one, but a PASS is in doubt.
+#: Choices that also list altered runs: an altered FAIL remains a FAIL, but an altered PASS is in doubt.
 _ALSO_ALTERED = ("", _MISSING, "failed")
 #: Verdicts that can be selected; "" for all.
 _VERDICTS = {

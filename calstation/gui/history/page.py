@@ -43,7 +43,7 @@ from calstation.results import History, Result, refresh_history, result_doubt
 from calstation.runs import Resumable, close_incomplete_job, find_resumable
 from calstation.sequencer import Event, Finalized
 
-#: Time after which a visible page reads the folder again, because other programs add runs to it, ms.
+#: Interval at which a visible page reads the folder again, because other programs may add runs, ms.
 _REFRESH_MS = 60_000
 
 
@@ -54,7 +54,7 @@ class HistoryPage(Page):
         super().__init__(app, "history")
         unread = "common.runs_not_read"
         self._refresher = self.job(refresh_history, self._show_refreshed, failure=unread)
-        self._quiet_refresher = self.job(refresh_history, self._show_added)  # its error was reported before
+        self._quiet_refresher = self.job(refresh_history, self._show_added)  # errors are not shown
         self._resumable_finder = self.job(find_resumable, self._show_resumable, failure=unread)
         self._closer = self.job(
             close_incomplete_job, self._closed, failure="common.run_not_closed", failed=self._show_closed
@@ -67,9 +67,9 @@ class HistoryPage(Page):
         self._compared: tuple[RunRecord, ...] = ()
         self._shown_log: Path | None = None  #: Log of the run whose details are shown.
         self._match_count = self._export_count = 0
-        #: Mark of the index when its runs were listed; None if they were not.
+        #: Change token of the index when its runs were listed; None if they were not listed.
         self._listed: str | None = None
-        #: Show the list and, in a later turn of the event loop, the details, because both together block too long.
+        #: Timers that show the list and the details in separate iterations of the event loop, to keep each one short.
         self._list_timer, self._details_timer = (QTimer(self, singleShot=True, interval=0) for _ in range(2))
         self._refresh_timer = QTimer(self, interval=_REFRESH_MS)
         self.table = RunTable()
@@ -102,13 +102,13 @@ class HistoryPage(Page):
     @property
     def manual(self) -> str:
         """The section of the manual about the current view."""
-        places: dict[QWidget | None, str] = {
+        sections: dict[QWidget | None, str] = {
             self._comparison: "how-to/history.md#compare",
             self.versions: "how-to/history.md#versions",
             self.record: "how-to/history.md#the-record-of-a-run",
             self.audit: "how-to/audit-trail.md",
         }
-        return places.get(self._views.currentWidget(), "how-to/history.md#filter")
+        return sections.get(self._views.currentWidget(), "how-to/history.md#filter")
 
     def refresh(self) -> None:
         """Update the index from the folder, then list the runs."""
@@ -120,7 +120,7 @@ class HistoryPage(Page):
             self._find_resumable()
 
     def _refresh_quietly(self) -> None:
-        """Update the index from the folder, which other programs may have changed, without a notice of an error."""
+        """Update the index, because other programs may have changed the folder; errors are not shown."""
         if self.app.runs_folder.is_dir() and not self.app.job_queue.busy:
             self._quiet_refresher.start(self.app.runs_folder)
 
@@ -161,7 +161,7 @@ class HistoryPage(Page):
         self._show_texts()
 
     def showEvent(self, event: QShowEvent) -> None:
-        """List the indexed runs in the next turn of the event loop, and again after the folder has been read."""
+        """List the indexed runs in the next iteration of the event loop, and again after the folder has been read."""
         super().showEvent(event)
         self.refresh()
         self._list_timer.start()
@@ -229,7 +229,7 @@ class HistoryPage(Page):
             self.refresh()
 
     def _show_refreshed(self, _: object = None, *, in_place: bool = False) -> None:
-        """List the indexed runs and offer their values in the filters, unless they are listed already."""
+        """List the indexed runs and offer their values in the filters, unless the index has not changed."""
         listed = None
         if self.app.runs_folder.is_dir():
             listed = (
@@ -251,7 +251,7 @@ class HistoryPage(Page):
     def _show_details(self) -> None:
         run = self.table.run
         shown = None if run is None else run.log
-        if shown != self._shown_log and self.notice.good:  # it is about the run before
+        if shown != self._shown_log and self.notice.good:  # it is about the previous run
             self.notice.dismiss()
         self._shown_log = shown
         self.details.setVisible(run is not None)
@@ -267,7 +267,7 @@ class HistoryPage(Page):
     def _result(self, run: RunRecord) -> Result | None:
         """Return the result of a run, from its log if it has no result file; None if missing, unreadable or altered.
 
-        The result of a run of another station is available only after it has been opened, and lacks later overrides.
+        The result of a run of another station is available after it has been opened, until it is overridden or closed.
         If a log contradicts the result file, the run is marked as altered in the index and in the list.
         """
         result = None
@@ -277,7 +277,7 @@ class HistoryPage(Page):
         if result is None:
             if not (run.origin or run.missing):
                 self._history().read_again(run)
-                self._list_timer.start()  # which does nothing unless the index has changed
+                self._list_timer.start()  # lists the runs only if the index has changed
             return None
         outdated = run.origin and (result.released, result.closed_utc is not None) != (run.released, run.closed)
         return None if outdated else result
@@ -306,7 +306,7 @@ class HistoryPage(Page):
     # ---- actions on the selected run
 
     def _open_result(self) -> None:
-        """Open the result of the selected run, which is read from the shared database for a run of another station."""
+        """Open the result of the selected run; the result of another station is read from the shared database."""
         run = self.table.run
         if run is None:
             return
@@ -320,7 +320,7 @@ class HistoryPage(Page):
         self.app.open_run.emit(result)
 
     def _open_log(self) -> None:
-        """Open the log of the selected run, which is copied from the archive for a run of another station."""
+        """Open the log of the selected run; the log of another station is copied from the archive."""
         run = self.table.run
         if run is None:
             return

@@ -39,7 +39,7 @@ class RecordView(JobView):
         self._title = label(kind="section")
         self._no_events = label(kind="muted", wrap=True, name="no_events_label")
         policy = self._no_events.sizePolicy()
-        policy.setVerticalPolicy(QSizePolicy.Policy.MinimumExpanding)  # it takes the place of the table
+        policy.setVerticalPolicy(QSizePolicy.Policy.MinimumExpanding)  # it fills the space of the hidden table
         self._no_events.setSizePolicy(policy)
         self._no_events.setAlignment(Qt.AlignmentFlag.AlignTop)
         self.events = EventLog("history_events_table")
@@ -47,7 +47,7 @@ class RecordView(JobView):
             "certificates_table", "history.certificates", _CERTIFICATES, named=False, single=True, row=4 * theme.GRID
         )
         self.table.setTextElideMode(Qt.TextElideMode.ElideMiddle)  # the end of a number states its revision
-        self.table.setWordWrap(False)  # a number is elided once, not at its hyphen as well
+        self.table.setWordWrap(False)  # otherwise, a number would also be elided at its hyphen
         self.table.selectionModel().currentRowChanged.connect(lambda *_: self._update())
         self.table.doubleClicked.connect(lambda _: self._open())
         self._no_certificates = label(kind="muted", wrap=True, name="no_certificates_label")
@@ -72,7 +72,7 @@ class RecordView(JobView):
         on_language_change(self, self._show_texts)
 
     def open(self, run: RunRecord, result: Result | None) -> None:
-        """Show the record of a run and, if it can have certificates, of its result."""
+        """Show the record of a run; `result` is None if it cannot have certificates."""
         self.notice.dismiss()
         self._run, self._certificates, self._without_events = run, None, False
         self.events.show_events(())

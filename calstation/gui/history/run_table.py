@@ -47,7 +47,7 @@ _COLUMNS = (
     _Column("common.stages", "stages", lambda run: stages_text(run)),
 )
 _OUTCOME, _STARTED, _PRODUCT, _OPERATOR, _ATTEMPT, _DURATION, _STATION, _SLOT, _BATCH, _STAGES = 0, *range(2, 11)
-#: Columns that are hidden after the stages if the table is narrow. The details also show them.
+#: Columns that are hidden after the stages if the table is narrow; the details also show their values.
 _HIDDEN_NEXT = (_DURATION, _ATTEMPT)
 #: Columns of numbers, which are right-aligned.
 _NUMBERS = (_ATTEMPT, _DURATION)
@@ -60,7 +60,7 @@ Index = QModelIndex | QPersistentModelIndex
 #: Number of runs that are read at once.
 _PART = 100
 
-#: Reads at most a number of runs from a position in an order.
+#: Function that returns runs, given their maximum number, the index of the first one, and their order.
 ReadRuns = Callable[[int, int, RunOrder], Sequence[RunRecord]]
 
 
@@ -106,11 +106,11 @@ class _RunModel(QAbstractTableModel):
         self._count = 0
 
     def show_runs(self, read: ReadRuns, count: int) -> None:
-        """Show `count` runs, of which the first ones are read, as many as before but at most three parts."""
+        """Show `count` runs; read as many as before, but at least one and at most three parts."""
         self._reset(read, count, min(max(len(self.runs), _PART), 3 * _PART))
 
     def read_again(self, read: ReadRuns, count: int) -> None:
-        """Show `count` runs, of which a part more than before is read."""
+        """Show `count` runs; read one part more than before."""
         self._reset(read, count, len(self.runs) + _PART)
 
     def _reset(self, read: ReadRuns, count: int, limit: int) -> None:
@@ -132,7 +132,7 @@ class _RunModel(QAbstractTableModel):
     def fetchMore(self, parent: Index = QModelIndex()) -> None:  # noqa: B008
         """Read the next part."""
         runs = self._read(_PART, len(self.runs), self.order)
-        if not runs:  # some have been removed meanwhile
+        if not runs:  # some have been removed in the meantime
             self._count = len(self.runs)
             return
         self.beginInsertRows(QModelIndex(), len(self.runs), len(self.runs) + len(runs) - 1)
@@ -168,9 +168,9 @@ class _RunModel(QAbstractTableModel):
 
 
 class RunTable(QTableView):
-    """A table of runs, which emits `selected(run)`, with None for no run, and `selection_changed`.
+    """A table of runs, which emits `selected(run)`, with None for no run, and `selection_changed()`.
 
-    The latest run is first until a click on a heading sorts the runs by this column, and another one reverses them.
+    The latest run is first. A click on a heading sorts the runs by that column; another click reverses the order.
     """
 
     selected = Signal(object)
@@ -322,12 +322,12 @@ def stages_text(run: RunRecord) -> str:
 
 
 def run_text(run: RunRecord) -> str:
-    """Return the outcome of a run, such as ``FAIL (partial)``, whether it is simulated, or only its log is missing."""
+    """Return the outcome of a run, such as ``FAIL (partial)``, and whether only its log is missing."""
     outcome = say(run_outcome(run))
     return say("history.outcome_without_log", outcome=outcome) if lacks_log(run) and not run.missing else outcome
 
 
 def outcome_kind(run: RunRecord) -> str:
-    """Return the badge shape of the outcome of a run; a PASS without a log, which nothing confirms, has no tick."""
+    """Return the badge shape of the outcome of a run; a PASS without a log has no tick, because nothing confirms it."""
     kind = KINDS.get(run.badge, "none")
     return "caution" if kind == "good" and lacks_log(run) else kind

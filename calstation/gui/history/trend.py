@@ -37,7 +37,7 @@ from calstation.results import Result
 MAX_TREND = 30
 #: Maximum number of dates on the axis.
 _MAX_DATES = 4
-#: Half width of the limits of the selected run, as a fraction of the distance of two runs.
+#: Half width of the lines at the limits of the selected run, as a fraction of the distance between two runs.
 _LIMIT_WIDTH = 0.4
 #: Vertical margin as a fraction of the range, and horizontal margin for the outer dates as a fraction of the number of
 #: runs.
@@ -47,8 +47,8 @@ _MARGIN, _DATE_MARGIN = 0.1, 0.06
 class Trend(QWidget):
     """A plot of a parameter over the runs of a unit.
 
-    A dot is a run that passed, a triangle a run with a changed result, and a cross any other run. Only the selected run
-    has limits, because another run may have been judged by others.
+    A dot is a run that passed, a triangle a run with a changed result, and a cross any other run. Only the limits of
+    the selected run are drawn, because other runs may have been judged by other limits.
     """
 
     def __init__(self) -> None:
@@ -85,9 +85,9 @@ class Trend(QWidget):
         self._caption.setText(say("history.runs_with_limits", runs=runs) if limited else runs)
 
     def show_runs(self, runs: Sequence[IndexedRun], selected: str, result: Result | None) -> None:
-        """Show the solved runs of a unit as one product, the oldest first; `selected` is the run with `result`.
+        """Show the solved runs of a unit as one product, the oldest first; `selected` names the run with `result`.
 
-        If the run failed and the chosen parameter did not, the first parameter that failed is chosen.
+        If another run is selected and the chosen parameter passed in it, choose the first failed parameter, if any.
         """
         other = selected != self._selected
         self._runs, self._selected = tuple(runs), selected

@@ -120,7 +120,7 @@ class VersionsView(QWidget):
     # ---- choosing and comparing
 
     def _offer(self, versions: list[str]) -> None:
-        """List the versions, and select the first one, usually the results of the runs, and the last one."""
+        """List the versions; select the first (usually the runs' results) and the last."""
         if versions == self._versions:
             self._show_texts()
             return
