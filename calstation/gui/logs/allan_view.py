@@ -103,7 +103,7 @@ class AllanPlot(MethodPlot, DataView[AllanDeviation]):
     def _profile_line(
         self, name: str, tau: FloatArray, values: FloatArray, at: int | None, anchor: tuple[float, float]
     ) -> None:
-        """Draw a line for a value in the profile, with its name at the point with index `at`, None without a name."""
+        """Draw a line for a value in the profile, with its name at the point with index `at` unless that is None."""
         colour = theme.colours().muted
         self.addItem(pg.PlotDataItem(tau, values, pen=dashed(colour), name=name))
         if at is None:
@@ -115,7 +115,7 @@ class AllanPlot(MethodPlot, DataView[AllanDeviation]):
 
 
 class AllanView(QWidget, DataView[AllanDeviation]):
-    """A view of the Allan deviations of a range of a log, which it computes; its Back button emits `closed`."""
+    """A view that computes and shows the Allan deviations of a range of a log; its Back button emits `closed`."""
 
     closed = Signal()
 

@@ -36,7 +36,7 @@ class Comparison(QWidget):
         self._solved: Resolved | None = None
         self._outdated = False
         self._online: Result | None = None
-        self._beside = ""  #: Outcome in the result file of a run whose log does not contain its end; "" if unknown.
+        self._beside = ""  #: Outcome in the result file if the log does not contain the run's end; "" if unknown.
         self._in_sigma: dict[str, float] = {}
         names = ("online_badge", "offline_badge", "difference_badge")
         self.online_badge, self.offline_badge, self.difference_badge = badges = [StateBadge(name=n) for n in names]
@@ -94,7 +94,7 @@ class Comparison(QWidget):
         self._refresh()
 
     def _choose_view(self) -> None:
-        """Show the table or, of a result over temperature, what its tabs select."""
+        """Show the table or, for a result over temperature, the view that the tabs select."""
         names, shown = bool(self.table.names), self.curves.has_curves and self.tabs.currentIndex() == 1
         self.tabs.setVisible(self.curves.has_curves)
         self.curves.setVisible(shown)
@@ -184,7 +184,7 @@ def _outcome_beside(log: Path) -> str:
 
 
 def _worst_note(result: Result | None) -> list[str]:
-    """Return a sentence that the values of a result over temperature are the worst ones; [] for another result."""
+    """Return a sentence that the values of a result over temperature are the worst values; [] for another result."""
     if result is None or result.temperature is None:
         return []
     low, high = result.temperature.range_c

@@ -1,4 +1,4 @@
-"""The panel that shows what was understood of a recording of another program, and imports it to a raw log."""
+"""The panel that shows how a recording of another program is interpreted, and imports it to a raw log."""
 
 from pathlib import Path
 
@@ -70,7 +70,7 @@ class ImportPanel(JobView):
         on_language_change(self, self._refresh)
 
     def open(self, path: Path) -> None:
-        """Show another recording, with the configuration next to it."""
+        """Show another recording, read with the configuration file next to it."""
         self.path = path.absolute()
         self.meta_edit.clear()
         fill_combo(self.topic_combo, [], None)
@@ -101,7 +101,7 @@ class ImportPanel(JobView):
         self._warn()
 
     def _warn(self) -> None:
-        """Show on top that the units are wrong."""
+        """Show a notice if the units are wrong."""
         self.notice.dismiss()
         if self.inspection is not None and self.inspection.unit_error is not None:
             self.notice.ask("bad", "logs.wrong_units", self.inspection.unit_error)
@@ -146,10 +146,10 @@ class ImportPanel(JobView):
                 for method, reason in self.inspection.methods.items()
             ]
             for number, line in enumerate(lines):
-                for place, text in enumerate(line):
-                    cell = label(kind="" if place else "muted", wrap=bool(place), selectable=bool(place))
+                for index, text in enumerate(line):
+                    cell = label(kind="" if index else "muted", wrap=bool(index), selectable=bool(index))
                     cell.setText(text)
-                    self.rows.addWidget(cell, number, place, Qt.AlignmentFlag.AlignTop)
+                    self.rows.addWidget(cell, number, index, Qt.AlignmentFlag.AlignTop)
         self._update()
 
     def _why_not_import(self) -> str:

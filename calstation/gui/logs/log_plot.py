@@ -101,7 +101,7 @@ class LogPlot(QWidget):
             plot.setLimits(xMin=-pad, xMax=self._length + pad, minXRange=closest, maxXRange=self._length + 2 * pad)
         self._show_marks(LogMarks(log_index))
         for item in self._ranges:
-            item.blockSignals(True)  # the range of the previous log is limited to the bounds
+            item.blockSignals(True)  # the new bounds may change the range of the previous log
             item.setBounds((0.0, self._length))
             item.blockSignals(False)
             item.setVisible(True)

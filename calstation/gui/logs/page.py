@@ -1,4 +1,4 @@
-"""The Offline page, which plots a log and solves its stages again, or solves it by a method without a rate table."""
+"""The Offline page, which plots a log and solves its stages again or by a method that needs no rate table."""
 
 import shutil
 import tempfile
@@ -99,7 +99,7 @@ class OfflinePage(Page):
         self.reader.start(path.absolute(), self._index_folder)
 
     def look_at(self, path: Path) -> None:
-        """Show what is understood of a recording of another program before it is imported."""
+        """Show how a recording of another program is interpreted before it is imported."""
         self.methods.select("")
         if self._working:
             self.notice.inform("caution", str, self._wait_text, self.plot.setFocus)
@@ -309,7 +309,7 @@ class OfflinePage(Page):
         self._update()
 
     def _fetch_samples(self, request: SampleRequest) -> None:
-        """Fetch the samples of a request; during another fetch it is ignored, and the plot repeats it."""
+        """Fetch the samples of a request; during another fetch, ignore the request, which the plot will repeat."""
         log = self.log
         if log is not None and not self._sampler.busy:
             self._request = request

@@ -39,7 +39,7 @@ _SYMBOL_SIZE = 9.0
 
 
 class LogMarks:
-    """The marks of a log, s from its first sample, which are empty without a log."""
+    """The marks of a log as times from its first sample, s; empty without a log."""
 
     def __init__(self, log_index: LogIndex | None = None) -> None:
         self.stages: list[tuple[str, float, float]] = []
@@ -92,7 +92,7 @@ class _Layer(pg.GraphicsObject):  # type: ignore[misc]
 
 
 class Backdrop(_Layer):
-    """The layer behind the curves, with bands for every other stage, moves, gaps, pauses and invalid samples."""
+    """The layer behind the curves: bands for every other stage, gaps, pauses and invalid samples; lines at moves."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -170,7 +170,7 @@ def draw_symbol(painter: QPainter, kind: str, box: QRectF) -> None:
 
 
 def _visible_ranges(ranges: FloatArray, box: QRectF) -> FloatArray:
-    """Return the ranges within a box, px, shape (n, 2), which are widened to a minimum width and merged if adjacent."""
+    """Return the ranges within a box, px, shape (n, 2), widened to a minimum width and merged if adjacent."""
     inside = ranges[(ranges[:, 1] >= box.left()) & (ranges[:, 0] <= box.right())]
     if len(inside) == 0:
         return inside

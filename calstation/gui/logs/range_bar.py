@@ -126,7 +126,7 @@ class RangeBar(QWidget):
         self.changed.emit(*self.range)
 
     def _accept_value(self, spin: CountSpin) -> None:
-        """Accept a new value, limited by the value of the other box, in which a rejected text remains."""
+        """Accept a new value, limited by that of the other box; a rejected text in the other box remains."""
         first, last = self.range
         note: Words = ""
         if first > last:

@@ -79,7 +79,7 @@ class AppliedView(QWidget):
             self._begin(apply_to_recording, *files, *self._vectors(self._solution))
 
     def _apply_to_unit(self) -> None:
-        """Apply the solution to some seconds of the unit's live data, and show the data before and after."""
+        """Apply the solution to a few seconds of the unit's live data, and show the data before and after."""
         if self._solution is None or self._reading_unit or self._app.engine_link.running:
             return
         files = self._solution.recording.path, self._app.station_path, self._app.product_path

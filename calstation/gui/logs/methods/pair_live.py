@@ -28,7 +28,7 @@ class PairLiveView(QWidget):
         self._app = app
         self._watch: PairProcess | None = None
         self._stopping = False
-        self._station: tuple[Path | None, str] = (None, "")  #: File and name of the station of the last watch.
+        self._station: tuple[Path | None, str] = (None, "")  #: File and name of the station monitored last.
         self.status: PairStatus | None = None
         self._error: CalstationError | None = None
         self._timer = QTimer(self, interval=100)
@@ -133,7 +133,7 @@ class PairLiveView(QWidget):
             return
         self.schedule_label.setText(schedule_text(status.schedule))
         self.bars.show_bars(self._bars(status))
-        progress = status.progress  # after the watch, the timeline ends, and nothing waits or is valid
+        progress = status.progress  # after monitoring, the timeline ends without a current state
         self.timeline.show_progress(progress if self.watching else replace(progress, duration=progress.time))
         self._show_corrected(status.corrected)
         self.source_label.setVisible(self.watching)

@@ -59,7 +59,7 @@ class MethodPanel(JobView):
             JobRow(self.exports.watch, "", "logs.writing_result"),
         )
         column(jobs, self.notice, (self.views, 1), on=self)
-        self.live_button.setVisible(stage == MULTI_POSITION)  # not before it has a parent, or it would be a window
+        self.live_button.setVisible(stage == MULTI_POSITION)  # without a parent, it would be shown as a window
         self._connect()
         on_language_change(self, self._update)
 
