@@ -32,7 +32,7 @@ _SIGNALS = (
 
 
 class ControlView(QWidget):
-    """The charts of the parameters, which emit `run_requested(name)` for a run that the user opens."""
+    """A view of the charts of the parameters, which emits `run_requested(name)` for a run that the user opens."""
 
     run_requested = Signal(str)
 

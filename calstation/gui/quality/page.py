@@ -98,14 +98,14 @@ class QualityPage(Page):
     @property
     def manual(self) -> str:
         """The section of the manual about the current view."""
-        places: dict[QWidget, str] = {
+        sections: dict[QWidget, str] = {
             self.control: "how-to/quality.md#control-charts",
             self.capability: "how-to/quality.md#capability",
             self.yields: "how-to/quality.md#yield",
             self.standards: "how-to/check-standards.md",
             self.study: "how-to/quality.md#gauge-study",
         }
-        return places[self._views[self.tabs.currentIndex()]]
+        return sections[self._views[self.tabs.currentIndex()]]
 
     def read(self) -> None:
         """Read the selected runs from the index, and show them."""
@@ -146,7 +146,7 @@ class QualityPage(Page):
         progress = JobStack(self.count_label, JobRow(self._watch, "quality_cancel_button"))
         wide = 2 * theme.GRID
         choices = box(row(*fields, None, spacing=wide))
-        # a high view must not compress the choices above it
+        # a tall view must not compress the choices above it
         choices.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Fixed)
         column(
             self.notice,
@@ -207,7 +207,7 @@ class QualityPage(Page):
         if summary is not None:
             chosen = self.station.currentData()
             self._offer_stations(summary.stations)
-            if self.station.currentData() != chosen:  # the folder has no runs of it
+            if self.station.currentData() != chosen:  # the folder has no runs of the chosen station
                 self.read()
         self._outdated = set() if summary is None else {self.control, self.capability, self.yields, self.study}
         self._show_view()
@@ -259,7 +259,7 @@ class QualityPage(Page):
         self.count_label.setText(_count_text(summary.yields) if summary is not None and counted else "")
 
     def _show_scope(self, view: QWidget) -> None:
-        """Enable only the choices that apply to a view, and say what it shows if it disregards one."""
+        """Enable only the choices that apply to a view, and say what the view shows if it ignores a choice."""
         self.unit.setEnabled(view is self.control)
         for choice in (self.station, self.period):
             choice.setEnabled(view is not self.standards)
@@ -277,7 +277,7 @@ class QualityPage(Page):
         show_text(self.scope_label, text)
 
     def _open_run(self, name: str) -> None:
-        """Open the result of a run, which is read from the shared database for a run of another station."""
+        """Open the result of a run; the result of another station is read from the shared database."""
         file = self.app.runs_folder / f"{name}.json"
         if file.is_file():
             self.app.open_run.emit(file)
@@ -294,7 +294,7 @@ class QualityPage(Page):
 
 
 def _count_text(yields: Yields) -> str:
-    """Return the number of runs of the statistics, of those without files, and of partial runs that failed."""
+    """Return the numbers of judged runs, of failed partial runs, and of runs without files."""
     count = 0 if yields.overall is None else yields.overall.count
     if not (count or yields.partial_failed):
         return ""

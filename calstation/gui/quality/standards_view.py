@@ -35,7 +35,7 @@ _QUANTITIES = ("orthogonality", "tilt_x", "tilt_y")
 _STATE = Cell("quality.state", "state", number=False, state="kind", hint="hint")
 #: Symbol of each state of an instrument.
 _INSTRUMENT_KINDS = {"overdue": "bad", "future": "caution", "good": "good", "undated": "none"}
-#: Object name, accessible name and columns of the tables of standards, runs, instruments and smallest errors.
+#: Object name, accessible name and columns of the tables of standards, runs, instruments and detectable errors.
 _TABLES = (
     (
         "standards_table",

@@ -30,7 +30,7 @@ from calstation.quality import ACCEPTABLE, MARGINAL, GaugeStudy, range_limits, r
 _ROW_HEIGHT, _NAMES_WIDTH, _AXIS_HEIGHT = 4 * theme.GRID, 24 * theme.GRID, 11 * theme.GRID
 #: Components by the abbreviation of their name.
 _PARTS = {"GRR": "gauge", "EV": "repeatability", "AV": "reproducibility", "PV": "part"}
-#: Share of a row that its bars fill, and end of the horizontal axis, %.
+#: Fraction of a row that its bars fill, and upper end of the horizontal axis in %.
 _BARS_HEIGHT, _MAX_SHARE = 0.8, 100.0
 #: Distance between the units of two appraisers in the chart of ranges, in units.
 _GAP = 1.0
@@ -143,7 +143,7 @@ class StudyCharts(QWidget, DataView[StudyValues]):
 
 
 def _share(study: GaugeStudy, part: str) -> float:
-    """Return the percentage of a component that decides the verdict."""
+    """Return the percentage of a component on which the verdict is based."""
     variation = getattr(study, part)
     percent = variation.percent_tolerance
     return float(variation.percent_study if percent is None else percent)

@@ -341,7 +341,7 @@ def _order_notes(state: StudyState) -> list[str]:
 
 
 def _components(study: GaugeStudy) -> dict[str, Variation]:
-    """Return the components of variation, in which each sum follows its parts."""
+    """Return the components of variation, each sum after its parts."""
     parts = {name: each for name, each in study.components.items() if len(study.levels) > 2 and name != "unit"}
     components = {
         "repeatability": study.repeatability,

@@ -145,7 +145,7 @@ class DailyYield(ThemedPlot, DataView[Mapping[str, Share]]):
         self.addItem(bars)
         self.addItem(pg.PlotDataItem(x, value, pen=theme.pen(c.accent, 1), **symbol))
         self.setYRange(min(100.0 * _MIN_SHARE, float(low.min())), 100.0)
-        margin = max(0.0, _MIN_SPAN - (x[-1] - x[0])) / 2.0  # so that a single day is named as such
+        margin = max(0.0, _MIN_SPAN - (x[-1] - x[0])) / 2.0  # otherwise, the labels for a single day would be hours
         self.setXRange(x[0] - margin, x[-1] + margin)
 
 
