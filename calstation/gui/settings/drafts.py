@@ -17,7 +17,7 @@ from calstation.schema import KeyPath, Problem, value_at
 
 
 class Draft(FormValues):
-    """The draft of a file of a kind (``stations``, ``tables``, ``imus``, ``products``), checked after every change.
+    """The draft of a file of a kind, such as ``stations`` or ``products``, checked after every change.
 
     A file that is not valid TOML has no data: its fields remain empty until its text is corrected.
     """
@@ -79,7 +79,7 @@ class Draft(FormValues):
         self._show_text(text, problems)
 
     def require(self, key_paths: Iterable[KeyPath], required: bool = True) -> None:
-        """Require values that are optional in the model, or no longer, until the file is opened or saved."""
+        """Require values that are optional in the model until the file is opened or saved, or stop requiring them."""
         change = self._required.union if required else self._required.difference
         changed = change(key_paths)
         if changed != self._required:
@@ -168,7 +168,7 @@ class Drafts(QObject):
 
     @property
     def author(self) -> Confirmation:
-        """The author of new versions: the person at the window."""
+        """The author of new versions, who is the current user."""
         return self._author()
 
     @property
@@ -197,7 +197,7 @@ class Drafts(QObject):
             self.saved.emit(draft.kind)
 
     def create(self, kind: str, name: str, source: Path) -> Path:
-        """Copy a file under a new name, which is also entered in a station file, and return the path.
+        """Copy a file under a new name, and return the path; a copied station file also states the new name.
 
         Raises
         ------

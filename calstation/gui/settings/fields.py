@@ -153,7 +153,7 @@ class Field(FormField):
         self.refresh()
 
     def problem_text(self, problem: Problem) -> str:
-        """Return the text of a problem; the hint describes the form that a text must have."""
+        """Return the text of a problem; for a text with a wrong format, the hint, which describes the format."""
         hint = say(self.hint) if problem.kind == "string_pattern_mismatch" else ""
         return hint or super().problem_text(problem)
 
@@ -165,7 +165,7 @@ class Field(FormField):
 
 
 class Row(QWidget):
-    """A label, the term `name` of the family ``setting``, and an input that does not edit a single value."""
+    """A label with the term `name` of the family ``setting``, and a widget that does not edit a single value."""
 
     def __init__(self, editor: QWidget, name: str = "") -> None:
         super().__init__()
@@ -177,7 +177,7 @@ class Row(QWidget):
 
 
 class Section(QWidget):
-    """A section of the page with fields and rows that edit a draft; the constructor must call `connect_draft` last."""
+    """A section of the page with fields and rows that edit a draft; `connect_draft` is called after their creation."""
 
     def __init__(self, draft: Draft) -> None:
         super().__init__()
@@ -223,7 +223,7 @@ def panel(*items: Item, spacing: int = theme.GRID) -> QWidget:
 def problem_text_with_name(problem: Problem, kind: str = "stations") -> str:
     """Return the text of a problem in a file of a kind with the label of its field, for display away from the field.
 
-    An entry without a field, which is edited in the text of the file, has its name in the file.
+    An entry without a field, which is edited in the text of the file, is named as in the file.
     """
     has_fields = kind in ("stations", "tables") and problem.kind != "extra_forbidden"
     if has_fields and (name := _label_of(problem.key_path)):

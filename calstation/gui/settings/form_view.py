@@ -101,7 +101,7 @@ class FormModel(ParameterModel):
         return say("form.problem", name=name, what=problem_text(cells[0].in_display_unit(problem)))
 
     def differences(self, old: Get, new: Get) -> list[str]:
-        """Return a line for each value with a unit that two texts of a file state differently, in its display unit."""
+        """Return a line for each value with a unit that differs between two texts of a file, in its display unit."""
         columns, earlier = self.form.columns(new), {each.name: each.cells for each in self.form.rows(old)}
         lines = []
         for each in self.form.rows(new):

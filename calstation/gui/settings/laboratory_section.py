@@ -105,7 +105,7 @@ class CertificateFields(Section):
         return field
 
     def _missing(self, key_path: KeyPath) -> str:
-        """Return that an edited path does not exist, or ""; a stored one may be on a share that does not respond."""
+        """Return a warning if an edited path does not exist; a stored path may be on a share that does not respond."""
         station, path = self._draft.model, self._draft.path
         if not isinstance(station, StationConfig) or station.report is None or path is None:
             return ""

@@ -60,7 +60,7 @@ _SERIAL_KEYS = {"baud", "data_bits", "parity", "stop_bits"}
 
 
 class LinkSection(Section):
-    """The section for the link to a device, ``table``, ``chamber`` or ``imu``, or to the unit in a slot, from 0."""
+    """The section for the link to a device (``table``, ``chamber``, ``imu``), or to the unit in a slot, from 0."""
 
     def __init__(self, app: AppContext, device: str, draft: Draft, slot: int | None = None) -> None:
         super().__init__(draft)
@@ -221,7 +221,7 @@ class LinkSection(Section):
 
     def _port_hint(self) -> str:
         description, port = self.port_box.description(), str(self.port_box.value() or "")
-        if description or not self._searched or not port or Path(port).exists():  # a link to a port
+        if description or not self._searched or not port or Path(port).exists():  # a symbolic link
             return description
         return say("settings.port_absent")
 
@@ -413,5 +413,5 @@ def _finding_row(finding: Finding) -> QWidget:
     text = label(lambda: rendered(finding.message).text, wrap=True, selectable=True)
     remedy = label(lambda: rendered(finding.message).remedy, "muted", wrap=True, selectable=True)
     finding_row = box(row((icon, 0, Qt.AlignmentFlag.AlignTop), (column(text, remedy, spacing=2), 1)))
-    remedy.setVisible(bool(remedy.text()))  # not before it has a parent, or it would be a window
+    remedy.setVisible(bool(remedy.text()))  # without a parent, it would be shown as a window
     return finding_row

@@ -70,7 +70,7 @@ class StationPage(Page):
         self.drafts = Drafts(lambda: app.author, self)
         #: Names of the files that were saved last; "" after another edit.
         self._saved_names = ""
-        #: Whether saving has locked the window, because other badges apply.
+        #: Whether saving has locked the window, because the saved file changes who may sign in.
         self._locked_by_save = False
         self._new_bar = NewFileBar(self.drafts)
         self._new_bar.created.connect(lambda _, path: self._use(path))
@@ -108,7 +108,7 @@ class StationPage(Page):
     @property
     def manual(self) -> str:
         """The section of the manual about the current section."""
-        places: dict[type[QWidget], str] = {
+        sections: dict[type[QWidget], str] = {
             SiteSection: "how-to/connect.md#the-station-file",
             RecordsSection: "how-to/many-stations.md",
             LaboratorySection: "how-to/certificates.md#entries-in-the-station-file",
@@ -120,7 +120,7 @@ class StationPage(Page):
         section = self._sections[self.nav.currentRow()]
         if section is self.chamber_link:
             return "how-to/connect.md#connect-a-chamber"
-        return places.get(type(section), "how-to/connect.md#in-six-steps")
+        return sections.get(type(section), "how-to/connect.md#in-six-steps")
 
     def _make_header(self) -> QWidget:
         self.station_box = ChoiceBox(self._stations, "station_combo")
@@ -284,7 +284,7 @@ class StationPage(Page):
         return self._role_reason()
 
     def _missing_reason(self) -> str:
-        """Return that a reason for changed limits, checks, stages or confirmations is missing, or ""."""
+        """Return a text if the reason for changed limits, checks, stages or confirmations is missing, or ""."""
         missing = self.drafts.needs_reason and not self._reason_edit.text().strip()
         return say("settings.give_reason") if missing else ""
 

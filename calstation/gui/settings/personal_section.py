@@ -1,4 +1,4 @@
-"""The settings of this computer, which do not affect results: language, theme, sounds, runs folder, name and PIN."""
+"""The settings of this computer, which do not affect results: language, theme, sounds, runs folder and PINs."""
 
 from pathlib import Path
 
@@ -27,7 +27,7 @@ from calstation.gui.widgets import (
 
 
 class PersonalSection(QWidget):
-    """The section for the settings of this computer, of which PIN, name and folder require the engineer role."""
+    """The section for the settings of this computer, of which the PINs and the folder require the engineer role."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()

@@ -134,7 +134,7 @@ class ProfilesSection(QWidget):
         self.editor.textChanged.connect(self._typed)
         self.diff.setReadOnly(True)
         self._problems = QListWidget()
-        self._listed: list[Problem] = []  #: The problems of the draft, or its warnings.
+        self._listed: list[Problem] = []  #: The problems of the draft or, if it has none, its warnings.
         self._problems.setObjectName("problems_list")
         self._problems.setWordWrap(True)
         for signal in (self._problems.itemClicked, self._problems.itemActivated):
@@ -371,7 +371,7 @@ class ProfilesSection(QWidget):
         self.diff.shade((i, colours[line[0]]) for i, line in enumerate(lines, first) if line[:1] in colours)
 
     def _differences(self, draft: Draft, text: str) -> Iterator[str]:
-        """Yield the numbers that an older text states differently, in the units of the forms; the file is in SI."""
+        """Yield the values that differ from an older text, in the display units of the forms; the text is in SI."""
         with suppress(tomllib.TOMLDecodeError):
             old = partial(value_at, parse_toml(text))
             for form in self.forms:

@@ -43,7 +43,7 @@ class SiteSection(Section):
         )
         sigma, source = (Field(draft, key_path) for key_path in _SURVEY[1:])
         sigma.hint = lambda: say(f"setting.about_gravity_sigma_{'surveyed' if gravity_box.value() else 'normal'}")
-        #: The choice, the fields shown if the value is given here, and the values that then must be typed.
+        #: The choice, the fields shown if the value is given here, and the values that must then be entered.
         self._optional: dict[KeyPath, tuple[ChoiceBox, tuple[Field, ...], tuple[KeyPath, ...]]] = {
             _AZIMUTH: (azimuth_box, (azimuth,), (_AZIMUTH,)),
             _GRAVITY: (gravity_box, (gravity, source), _SURVEY),
@@ -87,7 +87,7 @@ class SiteSection(Section):
         """Show the values of the draft and the quantities derived from them."""
         for key_path, (box, fields, typed) in self._optional.items():
             value = self._draft.value(key_path)
-            # a value that was removed with its field must be typed again, unless the other choice is made
+            # a value that was deleted in its field must be entered again, unless the other choice is selected
             if self._draft.differs(key_path) and (value is not None or fields[0].editor.hasFocus()):
                 self._draft.require(typed)
             has_value = value is not None or self._draft.requires(key_path)
@@ -104,7 +104,7 @@ class SiteSection(Section):
         return [self._draft.value(("site", name)) for name in _NAMES]
 
     def _choose(self, key_path: KeyPath) -> None:
-        """Require that an optional value is typed, unless the station file contains it, or remove it."""
+        """Remove an optional value, or require that the user enters it unless the station file contains it."""
         box, fields, typed = self._optional[key_path]
         fields[0].editor.clearFocus()
         given = bool(box.value())
@@ -113,7 +113,7 @@ class SiteSection(Section):
         self._draft.set({each: value_at(self._draft.stored, each) if stored else None for each in typed})
 
     def _warning_text(self, *ids: str) -> str:
-        """Return the first of these findings that applies to the values, or ""."""
+        """Return the message of the first of these findings that applies to the values, or ""."""
         return next((say(finding.message) for finding in site_advice(*self._values()) if finding.id in ids), "")
 
 

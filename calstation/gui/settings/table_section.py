@@ -11,7 +11,7 @@ from calstation.gui.settings.fields import Field, Section
 from calstation.gui.text import say, with_minus
 from calstation.gui.widgets import ThemedPlot, VectorEdit, column, label, row, theme
 
-#: Joints from base to body with their names and the headings of their columns; only a gimbal has a middle one.
+#: Joints from base to body with their names and the headings of their columns; only a gimbal has a middle joint.
 _JOINTS = {
     "outer": ("settings.outer", "settings.outer_axis"),
     "middle": ("settings.middle", "settings.middle_axis"),
