@@ -102,8 +102,8 @@ def _program(
     return _run(["run"], debug=bool(context.obj))
 
 
-#: Prints the available width and height of the screen. Without a library or a screen, Qt aborts the process instead of
-#: raising, and the scale of the window must be known before its application is created: hence another process.
+#: Prints the available width and height of the screen. It runs in a separate process, because without a library or a
+#: screen Qt aborts the process, and the scale of the window must be known before its application is created.
 _SCREEN_SCRIPT = (
     "from PySide6.QtWidgets import QApplication\n"
     "size = QApplication([]).primaryScreen().availableSize()\n"

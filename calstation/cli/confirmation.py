@@ -44,7 +44,7 @@ def ask_people(
 
 
 def confirm_override(start: "RunStart", reason: str, confirmed_by: str | None) -> None:
-    """Permit a run despite a check standard, with the confirmation that product and site require.
+    """Permit a run despite an overdue or failed check standard, with the confirmation that product and site require.
 
     At a site without PINs the reason suffices. Raises ConfigurationError.
     """
@@ -59,5 +59,5 @@ def confirm_override(start: "RunStart", reason: str, confirmed_by: str | None) -
 
 
 def ask(question: str) -> str:
-    """Ask a question on the terminal, and return the answer, which is not shown while it is typed."""
+    """Ask a question on the terminal without showing the typed text, and return the answer."""
     return str(typer.prompt(question, hide_input=True, err=True))

@@ -52,7 +52,7 @@ def _parameter_name(parameter: Any) -> str:
 
 
 def station_options(station: Path | None, product: Path | None) -> str:
-    """Return the command-line options for the station and the product that are not None."""
+    """Return the command-line options for a station and a product; None has no option."""
     options = (("--station", station), ("--product", product))
     return shlex.join(word for option, path in options if path is not None for word in (option, str(path)))
 

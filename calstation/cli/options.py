@@ -16,7 +16,7 @@ def command_group() -> typer.Typer:
 
 
 def by_name(kind: str) -> Callable[[Path | None], Path | None]:
-    """Return a callback that finds the file of an option by path or name and raises ConfigurationError."""
+    """Return a callback that finds the file of an option by path or name, and raises ConfigurationError without one."""
 
     def find(path: Path | None) -> Path | None:
         from calstation.config import locate
@@ -34,19 +34,19 @@ def existing_folder(folder: Path) -> Path:
 
 
 def names_folder(path: str) -> bool:
-    """Return whether a path ends with a slash, and so means a folder whether or not it exists."""
+    """Return whether a path ends with a slash and thus denotes a folder, which may not exist yet."""
     return path.endswith(("/", os.sep))
 
 
 def output_file(path: str) -> Path:
-    """Return the file of an output option. Raises ConfigurationError for a path that means a folder."""
+    """Return the file of an output option. Raises ConfigurationError for a path that denotes a folder."""
     if names_folder(path):
         raise ConfigurationError("cli.out_is_folder", path=path)
     return Path(path)
 
 
 def document_file(path: str) -> Path:
-    """Return the file of an output option, whose name has a suffix unless it exists. Raises ConfigurationError."""
+    """Return the file of an output option. Raises ConfigurationError for a folder or a new file without a suffix."""
     file = output_file(path)
     if not file.suffix and not file.exists():
         raise ConfigurationError("cli.out_without_suffix", path=path)
@@ -91,7 +91,7 @@ def refuse_options_before(context: typer.Context) -> None:
 
 
 def parsed_stages(text: str | None) -> tuple[str, ...] | None:
-    """Return the stages of an option's comma-separated list, None without the option. Raises ConfigurationError."""
+    """Return the stages in an option's comma-separated list; None without the option. Raises ConfigurationError."""
     if text is None:
         return None
     stages = tuple(part.strip() for part in text.split(",") if part.strip())

@@ -1,4 +1,4 @@
-"""The process of a command: signals that end it with the exit code of a stop, and standard streams that may fail."""
+"""The process of a command: signals end it with the exit code of a stop, and its standard streams may fail."""
 
 import _thread
 import atexit
@@ -26,8 +26,8 @@ _SIGNALS = tuple(
 class Interruption:
     """Stops the command after a signal.
 
-    Until `command_begins`, nothing is open, and the process ends at once, because an exception in an import may be lost
-    or become another error. A command then receives a KeyboardInterrupt, or handles the signals itself.
+    Before `command_begins`, nothing is open, and the process ends at once, because an exception during an import may be
+    lost or become another error. Afterwards, a command receives a KeyboardInterrupt or handles the signals itself.
     """
 
     def __init__(self) -> None:
@@ -37,17 +37,17 @@ class Interruption:
         sys.unraisablehook = self._repeat
 
     def command_begins(self) -> None:
-        """Raise KeyboardInterrupt after later signals."""
+        """Raise KeyboardInterrupt for signals from now on."""
         self._begun = True
 
     def command_completed(self, code: int) -> None:
-        """End the process with an exit code at once after later signals, because the result of the command is known."""
+        """Let signals end the process at once with an exit code from now on, because the command's result is known."""
         self._handle(lambda _: os._exit(code))
 
     def exit(self, code: int) -> NoReturn:
         """End the process with an exit code."""
         self.command_completed(code)
-        with suppress(Exception):  # the failure of the output is known; Python would raise it again at its end
+        with suppress(Exception):  # the error was handled; Python would raise it again at exit
             sys.stdout.flush()
         sys.exit(code)
 
@@ -62,7 +62,7 @@ class Interruption:
     def _repeat(self, ignored: "sys.UnraisableHookArgs") -> None:
         """Repeat a KeyboardInterrupt that was raised in a destructor or callback, where Python ignores it.
 
-        The failures of destructors after it are consequences.
+        After an interruption, other errors in destructors are its consequences and are not shown.
         """
         if isinstance(ignored.exc_value, KeyboardInterrupt):
             timer = threading.Timer(_REPEAT_AFTER, _thread.interrupt_main, ignored.exc_value.args)
@@ -77,12 +77,12 @@ class Interruption:
                 signal.signal(number, lambda received, _: action(received))
 
 
-#: Interruption of this process, if it is that of a command.
+#: Interruption of this process, if the process runs a command.
 _interruptions: list[Interruption] = []
 
 
 def interruption() -> Interruption | None:
-    """Return the interruption of this process, if it is that of a command."""
+    """Return the interruption of this process, or None if the process does not run a command."""
     return _interruptions[0] if _interruptions else None
 
 

@@ -55,8 +55,8 @@ _EXIT_CODES = {Verdict.PASSED: 0, Verdict.PARTIAL: 0, Verdict.FAILED: 1, Verdict
 #: Code of the text for the result of the innovation test of a stage; None means that nothing was tested.
 _CONSISTENCY = {True: "cli.consistent", False: "cli.not_consistent", None: "cli.consistency_untested"}
 
-#: Answers used without a terminal, by the subject of the question; such a unit may always be calibrated again. The
-#: engine refuses a unit after an interrupted transfer unless the unit still has its old registers.
+#: Answers used without a terminal, by the subject of the question. The engine refuses a unit after an interrupted
+#: transfer unless the unit still has its old registers.
 _WITHOUT_TERMINAL = {"spelling": "other_unit", "transfer": "undecided", "resume": "anew", "passed": "repeat"}
 
 
@@ -179,7 +179,7 @@ def engine_events(
         show_line(console, say("cli.ending_stage"))
 
     if (process := interruption()) is not None and process.received:
-        raise KeyboardInterrupt  # Python ignored it, for instance while it deleted an object
+        raise KeyboardInterrupt  # Python ignored the interruption, for instance in a destructor
     with (
         complete_commands(options),
         on_stop_signals(stop),
@@ -213,7 +213,7 @@ def print_fault(fault: Fault, request: RunRequest, *, debug: bool) -> int:
 def _show_outcome(
     finalized: Sequence[Finalized], fault: Fault | None, json: str | None, request: RunRequest, *, debug: bool
 ) -> int:
-    """Show the finalized runs and the fault of a run, and return the exit code, which does not depend on the output."""
+    """Show the finalized runs and the fault of a run; return the exit code, even if the output fails."""
     if finalized and request.serials:
         names = load_station(request.station)[1].slot_names
         finalized = sorted(finalized, key=lambda run: names.index(run.slot))

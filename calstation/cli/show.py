@@ -57,7 +57,7 @@ class _PlainConsole(Console):
 
 
 def plain_console(*, stderr: bool = False, file: IO[str] | None = None, width: int | None = None) -> Console:
-    """Return a console that prints text as it is: neither brackets, as in ``[imu]``, nor control characters act."""
+    """Return a console on which brackets, as in ``[imu]``, and control characters have no special meaning."""
     return _PlainConsole(stderr=stderr, file=file, width=width, markup=False, emoji=False, highlight=False)
 
 
@@ -144,16 +144,11 @@ def interval(low: str, high: str) -> str:
 
 def result_table(console: Console, result: Result) -> None:
     """Show every parameter with its sigma, limit and verdict, then the other checks and the decision rule."""
-    has_acceptance = any(check.acceptance for check in result.checks)  # by the decision rule; the JSON contains both
-    table = new_table(
-        say("cli.unit_title", serial=result.serial),
-        *("cli.column_parameter", "cli.column_value", "cli.column_sigma", "cli.column_unit"),
-        *(
-            "cli.column_accepted" if has_acceptance else "cli.column_limit",
-            "cli.column_sigma_limit",
-            "cli.column_verdict",
-        ),
-    )
+    has_acceptance = any(check.acceptance for check in result.checks)  # shown instead of limits; the JSON has both
+    limit_column = "cli.column_accepted" if has_acceptance else "cli.column_limit"
+    columns = "cli.column_parameter", "cli.column_value", "cli.column_sigma", "cli.column_unit", limit_column
+    title = say("cli.unit_title", serial=result.serial)
+    table = new_table(title, *columns, "cli.column_sigma_limit", "cli.column_verdict")
     limits = {(c.kind, c.subject): c for c in result.checks if c.kind in ("within", "sigma_below")}
     for name, row in result.compared.items():
         (value, unit), sigma = display(name, row.value), display(name, row.sigma)[0]
@@ -258,7 +253,7 @@ def _location_text(where: Where) -> str:
 
 def _interval_text(limit: float | tuple[float, float], size: float, value: float) -> str:
     bounds = limit if isinstance(limit, tuple) else (-math.inf, limit)
-    if bounds[0] > bounds[1]:  # the guard band leaves nothing
+    if bounds[0] > bounds[1]:  # the guard band leaves no acceptance interval
         return "–"
     low, high = limit_numbers(limit, size, value)
     return f"±{high}" if bounds[0] == -bounds[1] else interval(low, high)
@@ -273,7 +268,7 @@ def _verdict_text(unobservable: bool, checks: list[Check]) -> str:
 
 
 def result_notes(result: Result) -> list[str]:
-    """Return what a partial run did not judge or lacked, and the stages that the operator ended, with the remedy."""
+    """Return notes on what a partial run lacked or did not judge, and on stages that the operator ended."""
     notes = [say("advice.uncalibrated", stages=result.stages)] if result.lacks_calibration else []
     if result.passed and result.partial and result.unjudged:
         notes.append(say("advice.not_judged", names=result.unjudged))

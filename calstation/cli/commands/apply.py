@@ -20,7 +20,7 @@ from calstation.results.plots import Applied, before_and_after, read_recording
 
 #: JSON name of each quantity in the table of results at rest, and the size of its display unit.
 _QUANTITIES = (("force", MICRO_G), ("rate", DEGREE_PER_HOUR))
-#: Width of the column of rests, in which the names of stages wrap.
+#: Width of the column of rests, in which the names of stages are wrapped.
 _STAGE_WIDTH = 10
 
 
@@ -38,8 +38,8 @@ def apply(
 ) -> int:
     """Apply a result to a recording or to the output of the connected unit, and compare every rest before and after.
 
-    Raises ConfigurationError if both a recording and a station are given or if another unit is connected, and any
-    error of reading the data.
+    Raises ConfigurationError if both a recording and a station are given or if another unit is connected, and the
+    errors of reading the data.
     """
     if log is not None and station is not None:
         raise ConfigurationError("cli.apply_to_one")

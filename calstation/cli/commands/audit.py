@@ -41,9 +41,9 @@ def audit(
     timestamp: Annotated[str | None, typer.Option(metavar="URL")] = None,
     json: JsonOption = None,
 ) -> int:
-    """List the events of an audit trail, filtered by event, person and first day (UTC), or begin or time-stamp one.
+    """List the events of an audit trail, filtered by event, person and first day (UTC); or restart or time-stamp it.
 
-    The default is the audit trail of the site. Returns the exit code of an input error unless all was verified.
+    The default is the audit trail of the site. Returns the exit code of an input error unless everything was verified.
     Raises InputError if `file` is missing, or ConfigurationError for an unknown event.
     """
     try:
@@ -68,19 +68,19 @@ def audit(
 
 
 def _exit_code(site: SiteTrail) -> int:
-    """Return 0 only if everything was verified: a file that is missing proves nothing."""
+    """Return 0 only if everything was verified; a missing file is not evidence."""
     return InputError.exit_code if site.faults or site.cautions else 0
 
 
 def show_evidence(file: Path, state: CertificateState, json: str | None) -> int:
-    """Show what the verification of a file has found; return 2, as for bad input, unless all was verified."""
+    """Show the findings of a file's verification; return 2, as for bad input, unless everything was verified."""
     lines = [say(each.code, **each.values) for each in state.findings]
     emit({"file": str(file), "kind": "evidence", "intact": state.intact, "found": lines}, json, lines)
     return InputError.exit_code if not state.intact or state.cautions else 0
 
 
 def check_audit(file: Path | None, json: str | None) -> int:
-    """Verify an audit trail, by default that of the site; return 2, as for bad input, unless all was verified.
+    """Verify an audit trail, by default that of the site; return 2, as for bad input, unless everything was verified.
 
     Raises InputError if `file` is missing.
     """
@@ -119,7 +119,7 @@ def _verified(site: SiteTrail) -> list[str]:
 
 
 def _marked_line(line: TrailLine) -> str:
-    """Return a line of a trail as text; from the first damage on it is marked."""
+    """Return a line of a trail as text, with a mark from the first damaged line on."""
     text = line.text if line.event is None else _line(line.event)
     return text if line.state == "proved" else say(f"cli.audit_line_{line.state}", line=line.number, text=text)
 

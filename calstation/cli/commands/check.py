@@ -72,7 +72,7 @@ def check(
 
 
 def _with_runs(folder: Path, state: CertificateState) -> CertificateState:
-    """Add what contradicts the runs of a folder to what the verification of its record of reports has found."""
+    """Add contradictions with the runs of a folder to the findings about its record of reports."""
     faults, gaps = check_runs(folder)
     return replace(state, findings=(*state.findings, *faults, *gaps), intact=state.intact and not faults)
 

@@ -62,7 +62,7 @@ def design(
 ) -> int:
     """Design a schedule or shorten the present stages, and write the product with the new schedule.
 
-    The schedule of a product with `[temperature]` is one over temperature.
+    For a product with `[temperature]`, the schedule covers the temperature range.
 
     Ctrl-C ends the search with the best schedule found so far. Returns 1 if a sigma exceeds its limit, which can
     happen if the duration is given, or if the moves do not determine a parameter. Raises ConfigurationError.
@@ -88,20 +88,16 @@ def design(
             _show_over_temperature(design, out)
         return 0
     _refuse(options, "design.without_temperature")
-    with (
-        tempfile.TemporaryDirectory(prefix="calstation-design-") as folder,
-        job_progress(say("cli.designing"), _step) as progress,
-    ):
-        if keep_stages:
-            stages = shorten_stages(progress, request)
-        else:
-            stop = Path(folder) / "stop"
-            with on_stop_signals(stop.touch):
-                designed = design_schedule(progress, replace(request, stop=stop))
     if keep_stages:
+        with job_progress(say("cli.designing"), _step) as progress:
+            stages = shorten_stages(progress, request)
         write_atomic(out, shorter_product(present, stages))
         emit(stages.to_json(), json, _shorter_lines(stages, out))
         return 1 if stages.undetermined else 0
+    with tempfile.TemporaryDirectory(prefix="calstation-design-") as folder:
+        stop = Path(folder) / "stop"
+        with job_progress(say("cli.designing"), _step) as progress, on_stop_signals(stop.touch):
+            designed = design_schedule(progress, replace(request, stop=stop))
     write_atomic(out, designed_product(present, designed))
     emit(designed.to_json(), json, _lines(designed, out))
     return 0 if designed.worst <= 1.0 and not designed.undetermined else 1

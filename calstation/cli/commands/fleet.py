@@ -42,7 +42,7 @@ from calstation.jobs import on_stop_signals
 _WIDTH = 150
 #: Largest number of changed verdicts listed; the JSON contains all.
 _MAX_CHANGES = 30
-#: Interval of progress lines without a terminal for a bar, s.
+#: Interval of the progress lines that are shown instead of a bar without a terminal, s.
 _LINE_INTERVAL = 60.0
 
 DatabaseOption = Annotated[str, typer.Option(metavar="URL")]

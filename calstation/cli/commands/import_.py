@@ -56,7 +56,7 @@ def import_(
 
 
 def _notes(log: Log) -> list[str]:
-    """Return what was lost or irregular in a recording that has been read."""
+    """Return notes on losses and irregularities in a recording that has been read."""
     notes = [say("cli.import_jitter", jitter=1e3 * log.times.jitter)] if log.times.jitter else []
     notes += [say("cli.import_topics", topics=log.topics)] if log.topics else []
     notes += [say("cli.import_lost", **damage_summary(log.damaged_rows))] if log.damaged_rows else []

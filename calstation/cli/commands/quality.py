@@ -343,7 +343,7 @@ def _state_row(state: StandardState) -> dict[str, Any]:
 
 
 def _power(history: StandardHistory) -> dict[str, dict[str, float | None]]:
-    """Return the errors that the last run would have detected, SI and relative to the product's limits."""
+    """Return the smallest errors that the last run would have detected, in SI and relative to the product's limits."""
     if not history.verdicts:
         return {}
     halves = history.half_limits

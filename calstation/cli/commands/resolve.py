@@ -36,7 +36,7 @@ def resolve(
     states: Annotated[list[str] | None, typer.Option("--state", metavar="NAME")] = None,
     parameters_only: ParametersOnlyOption = False,
 ) -> int:
-    """Solve a log, or some of its stages between two sequence numbers, again and show the result.
+    """Solve a log, or some of its stages between two sequence numbers, again, and show the result.
 
     Returns 1 if the result is outside the limits. If a stage lacks data, raises InsufficientDataError after showing
     the result.

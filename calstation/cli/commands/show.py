@@ -1,4 +1,4 @@
-"""`show`: shows a result in the terminal, with bars that show how much of its limits it uses."""
+"""`show`: shows a result in the terminal, with bars for the share of its limit that each parameter uses."""
 
 import sys
 from pathlib import Path
@@ -78,7 +78,7 @@ def _show_bars(out: Console, result: Result) -> None:
 
 
 def _bar(check: Check | None) -> str:
-    """Return the share of the limit that a value uses as a bar, which ends with a number."""
+    """Return a bar and a percentage for the share of the limit that a value uses."""
     if check is None:
         return ""
     if isinstance(check.limit, tuple):

@@ -38,7 +38,7 @@ def validate(
 ) -> int:
     """Run all checks, write the record as JSON and PDF, and show it.
 
-    Returns 0 if everything that is required was checked and in order, otherwise 1. Raises StoppedError after Ctrl-C.
+    Returns 0 if all required checks were made and passed, otherwise 1. Raises StoppedError after Ctrl-C.
     """
     if against is not None:
         read_validation(against)  # an altered file is refused before the checks

@@ -25,11 +25,11 @@ from calstation.physics import DEGREE, DEGREE_PER_HOUR, MICRO_G
 from calstation.records import LogMeta, open_log
 from calstation.results import CorrectedOutput, PairWatchResult, pair_report, watch_log
 
-#: Thresholds in SI units below which a threshold is shown in °/h or µg.
+#: Values in SI below which a threshold is shown in °/h or µg.
 _MAX_SMALL_RATE, _MAX_SMALL_FORCE = 0.1 * DEGREE, 10_000 * MICRO_G
-#: Longest time for which a replay waits for a slow client before it drops a line, s.
+#: Longest time for which a replay waits for a slow client before a line is dropped, s.
 _REPLAY_TIMEOUT = 10.0
-#: Interval of the messages while waiting for motion, s.
+#: Interval of the messages while a live session waits for rest or motion, s.
 _STATE_INTERVAL = 5.0
 
 
@@ -74,7 +74,7 @@ class Delivery:
 class _LinesFile:
     """A file of lines; after the first failure, which is shown on `out`, nothing more is written and `failed` is set.
 
-    Raises ConfigurationError if it cannot be opened.
+    Raises ConfigurationError if the file cannot be opened.
     """
 
     def __init__(self, path: Path, out: Console) -> None:
@@ -185,9 +185,9 @@ def _deliver(
 
 
 class _EventPrinter:
-    """Prints the events of a session and, while a live session is `waiting` for motion, its state.
+    """Prints the events of a session and, if `waiting` is set, its state while it waits for rest or motion.
 
-    The times are those since the first sample, as in the window.
+    Times are relative to the first sample, as in the window.
     """
 
     def __init__(self, out: Console, *, waiting: bool = False) -> None:
