@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from calstation.messages.rendering import Text, Value, sentence, values_to_json
 
-#: In order: good; for information; the link works, but a run may not start or complete; the link or a setting is wrong.
+#: In order: good; information; the link works, but a run may not start or complete; the link or a setting is wrong.
 State = Literal["ok", "info", "warning", "error"]
 
 _WORST: tuple[State, ...] = ("error", "warning", "ok")
@@ -34,7 +34,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Report:
-    """Findings of the test of one device (``table`` or ``imu``), in the order of the steps."""
+    """Findings of the test of one device (``table``, ``chamber`` or ``imu``), in the order of the steps."""
 
     device: str
     findings: tuple[Finding, ...]

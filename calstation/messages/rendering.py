@@ -21,7 +21,7 @@ Value = Any
 #: station and product, the run folder and the slot. Otherwise, and in the window, they are empty.
 COMMAND_OPTIONS = ("station_options", "out_option", "slot_option")
 
-#: Remedy for operators instead of one for engineers.
+#: Remedy that operators see instead of one for engineers.
 _ASK = "advice.ask_about_device"
 
 #: Largest numbers of characters of a value and of a list in a sentence.
@@ -33,7 +33,7 @@ _ENDS = (".", "?", "!", ".)", "。", "？", "！", "。）")
 #: Directions of axes, such as ``-x`` and ``+x-y``, whose hyphens are minus signs.
 _AXES = re.compile(r"([+-][xyz])+")
 
-#: Smallest probability that is shown as a number, and smallest distance from 1.
+#: Smallest difference of a probability from 0 or 1 with which the probability is shown as a number.
 _SMALLEST_SHARE = 1e-4
 #: Smallest number that is shown with an exponent.
 _LARGEST_PLAIN = 1e6
@@ -113,7 +113,7 @@ def render(
     """Render a message in one language. Raises KeyError for an unknown code or a missing value.
 
     With `window`, remedies may refer to elements of the window, such as buttons; in Chinese they always do. With
-    `operator`, texts with ports and files, and remedies that are for engineers are replaced.
+    `operator`, texts with ports and files, and remedies for engineers, are replaced.
     """
     message = entry(code)
     options = {name: values[name] for name in COMMAND_OPTIONS if name in values}
@@ -184,7 +184,7 @@ def _labelled(family: str, label: tuple[str | float, ...]) -> Text:
 def local_time(utc: str, *, zone: bool = False) -> str:
     """Format an ISO 8601 time in this computer's time zone, to the minute; any other text is unchanged.
 
-    With `zone`, seconds and the offset of the time zone unless it is 0 are added: ``2026-11-22 15:30:05 UTC+08:00``.
+    With `zone`, add seconds and the time zone with its offset, unless that is 0: ``2026-11-22 15:30:05 UTC+08:00``.
     """
     try:
         local = datetime.fromisoformat(utc).astimezone()
@@ -196,7 +196,7 @@ def local_time(utc: str, *, zone: bool = False) -> str:
 
 
 def parameter_name(name: str, language: Language = "en") -> str:
-    """Return the display name of a parameter (group and axis, for several secondaries also the IMU) or of a group."""
+    """Return the display name of a group or a parameter (group and axis, and the IMU if there are several)."""
     imu = "".join(filter(str.isdigit, name))
     plain = name.translate(_NO_DIGITS)
     group, _, axes = (plain, "", "") if known(f"group.{plain}") else plain.rpartition("_")
@@ -278,7 +278,7 @@ class _Formatter(string.Formatter):
     ``{utc:local_time}`` shows a UTC time in this computer's time zone. ``{name:parameter}``, ``{name:product}`` and
     ``{name:station}`` show the display name in the window, otherwise the name in files. In the window, times have no
     seconds and no zone. ``{count:# run}`` shows a number with an English noun, which is in the singular after 1.
-    ``{probability:percent}`` shows a probability from 0 to 1 in percent, or that it is hardly above 0 or below 1.
+    ``{probability:percent}`` shows a probability from 0 to 1 in percent, or that it is close to 0 or 1.
     """
 
     def __init__(self, language: Language, window: bool, operator: bool, options: Mapping[str, Value]) -> None:
