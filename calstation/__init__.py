@@ -28,9 +28,9 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import a name of the Python interface, or read the version, when it is asked for.
+    """Import a name of the Python interface, or read the version, when it is first used.
 
-    All of it takes 2 s and importlib.metadata a quarter of the time of `calstation --help`.
+    Importing the interface takes 2 s, and importlib.metadata a quarter of the time of `calstation --help`.
     """
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
@@ -52,8 +52,8 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-#: Module whose `BENCH` takes the place of the devices of a station with a section `[bench]`, and of nothing else: it is
-#: imported for such a station only, see `calstation.config.load_bench`.
+#: Module whose `BENCH` replaces the devices of a station with a section `[bench]`; it is imported only for such a
+#: station, see `calstation.config.load_bench`.
 BENCH_MODULE = "calstation.simulation.station_bench"
 
 # Programs that use the package without configuring its application log get no log output.

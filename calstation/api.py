@@ -1,8 +1,8 @@
 """The Python interface: what ``import calstation as cs`` offers to notebooks and other programs.
 
 Arrays are NumPy arrays in SI units; axes are those of the IMU's body, x right, y front, z up. Every function raises
-`CalstationError` with a ``code`` of the message catalogue and ``values``, and ``str(error)`` says what to do. Functions
-that take long call ``progress(fraction, remaining_s, note)``, and Ctrl-C interrupts them.
+`CalstationError` with a ``code`` of the message catalogue and ``values``, and ``str(error)`` says what to do. Long
+calculations call ``progress(fraction, remaining_s, note)``, and Ctrl-C interrupts them.
 """
 
 from collections.abc import Callable, Sequence
@@ -45,14 +45,14 @@ __all__ = [
 
 #: Called with the fraction done, the remaining time, s, or None, and the current activity.
 Progress = Callable[[float, float | None, str], object]
-#: Answers to the questions before a run that Python, like a command without a terminal, gives itself.
+#: Answers given automatically to the questions before a run, as by a command without a terminal.
 _ANSWERS = {"spelling": "other_unit", "transfer": "undecided", "resume": "anew", "passed": "repeat"}
 
 
 class Log:
     """A recording: samples of an IMU with table angles, and the configuration for solving them.
 
-    Arrays are read from the file when they are first asked for. Rows are samples, n in all.
+    Arrays are read from the file when they are first used. Their rows are the n samples.
     """
 
     def __init__(self, stored: StoredLog) -> None:
@@ -143,7 +143,7 @@ class Log:
 
     @property
     def valid(self) -> np.ndarray:
-        """False for a spoilt sample, shape (n,)."""
+        """False for an invalid sample, shape (n,)."""
         return self._all.valid
 
     @property
@@ -187,7 +187,7 @@ def resolve(
     log : recording, or its file
     stages : stages to solve; None for all in the recording that have enough data
     first, last : first and last sequence number, both included; None for the ends of the recording
-    states : effects to estimate beside the 30 parameters, such as ``"g_sensitivity"``
+    states : effects to estimate in addition to the 30 parameters, such as ``"g_sensitivity"``
     progress : function that is called with the fraction of the recording that has been read
 
     Returns
@@ -218,16 +218,16 @@ def resolve(
 def apply(
     result: Result, gyro: FloatArray, accel: FloatArray, temp_c: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Correct samples with the parameters of a result; parameters that it does not contain count as 0.
+    """Correct samples with the parameters of a result; parameters that the result does not contain are 0.
 
     Parameters
     ----------
     result : result whose parameters are applied
     gyro : raw angular rate, rad/s, shape (n, 3)
     accel : raw specific force, m/s², shape (n, 3)
-    temp_c : temperature of the unit, °C, shape (n,), or one for all samples; a result over temperature requires it, and
-        the term in its rate of change is left out. Missing ones (NaN) are interpolated; those outside the range of the
-        result raise InputError.
+    temp_c : temperature of the unit, °C, shape (n,), or one value for all samples; required for a result over
+        temperature, whose term in the rate of change is omitted. Missing values (NaN) are interpolated; values outside
+        the range of the result raise InputError.
 
     Returns
     -------
@@ -260,7 +260,7 @@ def export(
     to : format, such as ``"kalibr"``
     path : file to write; the check is written beside it as ``path`` + ``.check.json``
     log : recording whose samples are used for the check; None for the result's own log
-    allow_loss : whether to write the file even if what the format cannot express exceeds the product's limits
+    allow_loss : whether to write the file even if parameters that the format cannot express exceed the product's limits
 
     Returns
     -------
@@ -347,7 +347,7 @@ def design(
 ) -> Design | TemperatureDesign:
     """Find the shortest schedule that reaches a product's limits, as ``calstation design`` does.
 
-    The schedule of a product with ``[temperature]`` is one over temperature, for a station with a chamber.
+    For a product with ``[temperature]``, which requires a station with a chamber, the schedule covers its range.
 
     Parameters
     ----------
@@ -356,9 +356,10 @@ def design(
     margin : fraction of its limit that no sigma may exceed
     progress : function that is called with the progress of the search
     time_limit : longest duration of the search, s; None for the usual effort
-    time_constant : over temperature, that of the unit in the air of the chamber, s; None for the measured one, or 600 s
-    self_heating : over temperature, difference of the unit from the air, K; None for the measured one, or 0
-    measured : over temperature, recording of the unit in the chamber, which determines both
+    time_constant : over temperature, thermal time constant of the unit in the chamber, s; None for the measured value
+        or, without a measurement, 600 s
+    self_heating : over temperature, difference of the unit from the air, K; None for the measured value or 0
+    measured : over temperature, recording of the unit in the chamber, from which both values are determined
     out : product file to write, with the new schedule; None for no file
 
     Returns
@@ -419,7 +420,7 @@ def _product(product: str | Path | None) -> Path | None:
 
 
 def _report(progress: Progress | None) -> ProgressCallback:
-    """Return the callback of a job that passes all three values on."""
+    """Return the callback of a job, which passes its three values to `progress`."""
 
     def report(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
         if progress is not None:

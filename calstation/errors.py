@@ -43,7 +43,7 @@ class ConfigurationError(CalstationError):
 
 
 def system_error(error: OSError) -> ConfigurationError | None:
-    """Return the error of a file that the system does not let the program use; None if no file is concerned."""
+    """Convert an operating-system error about a file; return None for an error that is not about a file."""
     if error.filename is None or error.errno is None:
         return None
     return ConfigurationError("program.file_unusable", file=error.filename, reason=os_reason(error))

@@ -1,6 +1,6 @@
-"""Escaping of foreign text, such as a serial number or a file's cell, for each kind of output on which it could act.
+"""Escaping of untrusted text, such as a serial number or a table cell, for each output that could interpret it.
 
-Typst and JSON need none: texts reach a Typst template as data. In the window, labels show plain text
+Typst and JSON need no escaping: texts reach a Typst template as data. In the window, labels show plain text
 (`gui.widgets.PlainLabel`), and `gui.widgets.plain_tip` escapes tooltips, because Qt detects rich text by itself.
 """
 
@@ -17,7 +17,7 @@ _NOT_IN_FILE_NAMES = re.compile(r"[^A-Za-z0-9.-]")
 _MAX_NAME = 100
 #: Characters that begin a ZPL command.
 _ZPL_COMMANDS = str.maketrans("^~", "  ")
-#: Categories of characters that a terminal obeys or that reorder or hide text.
+#: Categories of characters that a terminal interprets as commands, or that reorder or hide text.
 _INVISIBLE = ("Cc", "Cf", "Cs", "Zl", "Zp")
 
 
@@ -31,7 +31,7 @@ def for_terminal(text: str) -> str:
 
 
 def for_sentence(text: str) -> str:
-    """Return the text on one line and otherwise as `for_terminal`."""
+    """Return the text on one line, otherwise escaped like `for_terminal`."""
     return text if text.isprintable() else for_terminal(re.sub(r"[\t\n\v\f\r\x85\u2028\u2029]+", " ", text))
 
 
@@ -56,7 +56,7 @@ def for_zpl(text: str) -> str:
 
 
 def for_file_name(text: str) -> str:
-    """Return the text as a part of a file name: letters, digits, point and hyphen, at most 100."""
+    """Return the text as a part of a file name: at most 100 letters, digits, points and hyphens."""
     return _NOT_IN_FILE_NAMES.sub("-", text)[:_MAX_NAME]
 
 

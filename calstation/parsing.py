@@ -1,4 +1,4 @@
-"""Reading of TOML and JSON of unknown origin, with limits of bytes, nesting, parts of a key and digits."""
+"""Reading of TOML and JSON of unknown origin, with limits on size, nesting, parts of a key and digits."""
 
 import errno
 import json
@@ -17,13 +17,13 @@ MAX_DEPTH = 64
 _NESTED = f"More than {MAX_DEPTH} nested lists or tables"
 #: Largest number of digits of a whole number; 64 bits have 20.
 _MAX_DIGITS = 20
-#: Largest number of parts of a TOML key, because tomllib's memory grows with its square.
+#: Largest number of parts of a TOML key, because tomllib's memory grows with the square of this number.
 _MAX_PARTS = 32
 _LONG_KEY = re.compile(rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_MAX_PARTS},}}""")
 
 
 def read_limited(path: Path, limit: int) -> bytes:
-    """Read a file, of a longer one only `limit` + 1 bytes.
+    """Read a file, but at most `limit` + 1 bytes.
 
     Raises OSError if the file cannot be read or is not a regular file: opening a pipe may wait forever.
     """
@@ -39,7 +39,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     if len(text) > MAX_TOML:
         raise _toml_error(f"More than {MAX_TOML} characters")
     if key := _LONG_KEY.search(text):
-        raise _toml_error(f"A key has {_MAX_PARTS} or more parts", text.count("\n", 0, key.start()) + 1)
+        raise _toml_error(f"A key has more than {_MAX_PARTS} parts", text.count("\n", 0, key.start()) + 1)
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError:

@@ -168,7 +168,7 @@ def load(model: type[Model], path: Path, error: type[CalstationError] = Configur
 
 
 def load_once(model: type[Model], path: Path) -> Model:
-    """Read and check a TOML file as `load`, but not again while its content is the same.
+    """Read a TOML file like `load`, but validate it again only if its content has changed.
 
     For models whose checks depend on nothing but the file. The returned model is shared and must not be changed.
     """
@@ -234,7 +234,7 @@ def _excessive_number(data: Any) -> Problem | None:
 
 
 def problems_of(model: type[BaseModel], data: Any) -> list[Problem]:
-    """Return all errors of `data` found by `model`; a misspelt name precedes the missing name that was meant."""
+    """Return all errors of `data` found by `model`, those of unknown names first: a missing name may be misspelt."""
     if problem := _excessive_number(data):
         return [problem]
     try:
@@ -251,9 +251,9 @@ def _problems(error: ValidationError, data: Any, model: type[BaseModel]) -> list
 
 
 def _best_branches(details: list[ErrorDetails], data: Any) -> list[ErrorDetails]:
-    """Keep one error per value that may have several types, for the best matching type, at its location in `data`.
+    """Keep the errors for the best matching type of each value with several possible types, at their key paths.
 
-    Pydantic reports the errors of each possible type, with the name of the type in the location.
+    Pydantic reports the errors for each possible type, with the name of the type in the location.
     """
     key_paths: list[KeyPath] = []
     branches: list[tuple[KeyPath, str] | None] = []
@@ -298,7 +298,7 @@ def value_at(data: Any, key_path: KeyPath) -> Any:
 def field_name(key_path: KeyPath, data: Any = None) -> str:
     """Return the name of an entry as it is written in messages, e.g. ``slots["B"].port`` or ``registers[2].range[1]``.
 
-    An element of a list is called by its `name` in the data of the file if no other one has it, or else by its number,
+    An element of a list is identified by its `name` in the data of the file if that is unique, otherwise by its number,
     counted from 1.
     """
     text = ""
@@ -324,7 +324,7 @@ def near_miss(name: str, known: Iterable[str], otherwise: Text | None = None) ->
 
 
 def check_names(names: Iterable[str], known: Collection[str], *keys: str) -> None:
-    """Raise EntryError if a name below `keys` is not that of a known parameter or group."""
+    """Raise EntryError if one of the names, which are entries below `keys`, is not a known parameter or group."""
     for name in names:
         if name not in known:
             raise EntryError("entry.unknown_parameter", *keys, name, name=name, remedy=near_miss(name, known))
@@ -362,7 +362,7 @@ def _pydantic_message(detail: ErrorDetails, data: Any, model: type[BaseModel]) -
 
 
 def _siblings(data: Any, location: KeyPath, model: type[BaseModel]) -> list[str]:
-    """Return the allowed field names that the table at `location` does not contain, following plain nesting only."""
+    """Return the allowed field names that the table at `location` does not contain, through plain nesting only."""
     present = data
     for part in location[:-1]:
         inner = getattr(model.model_fields.get(str(part)), "annotation", None)

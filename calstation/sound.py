@@ -1,4 +1,4 @@
-"""Sounds after a scan, for an operator who looks at the unit: a short tick if it was accepted, a low tone if not."""
+"""Sounds after a scan, for an operator who looks at the unit: a short tick if accepted, a low tone if refused."""
 
 import logging
 import threading
@@ -11,7 +11,7 @@ _FOLDER = Path(__file__).parent / "sounds"
 #: Time for which the device stays open, s: longer than each sound and the delay of the device.
 _OPEN_S = 1.0
 
-#: Names of the sound services used. ALSA is absent: its library prints to the terminal where there is no device.
+#: Names of the sound services used. ALSA is excluded because its library prints to the terminal if there is no device.
 _SERVICES = ("WASAPI", "COREAUDIO", "PULSEAUDIO")
 
 logger = logging.getLogger(__name__)
@@ -25,7 +25,7 @@ def play(name: Literal["accepted", "refused"]) -> None:
 def _play(name: str) -> None:
     try:
         import miniaudio  # loads a library that only a scan needs
-    except ImportError:  # it exists for common platforms only
+    except ImportError:  # miniaudio is available only for common platforms
         return
     try:
         with miniaudio.PlaybackDevice(backends=[miniaudio.Backend[service] for service in _SERVICES]) as device:
