@@ -166,10 +166,8 @@ class ResultAnalysis(QObject):
         result = self._run.result
         added = " ".join(f"+ {term('group', state)}" for state in result.states_added)
         offline = solved_offline(result)
-        parts = (
-            *(result.serial, added, local_time(result.started_utc or "")),
-            *("" if offline is None else say(offline), verdict_text(result, stages=False)),
-        )
+        solved = "" if offline is None else say(offline)
+        parts = result.serial, added, local_time(result.started_utc or ""), solved, verdict_text(result, stages=False)
         return "  ·  ".join(part for part in parts if part)
 
     def _result_view(self) -> ResultView:
