@@ -201,7 +201,7 @@ class StageSelector(QWidget):
             check.setFont(theme.font(theme.SECTION))
             check.clicked.connect(lambda _=False, part=name: self._choose_part(part))
         #: Stages of the product; each part consists of some of them.
-        self._own: tuple[str, ...] = ()
+        self._product_stages: tuple[str, ...] = ()
         self._single = label(self._list_title, "muted")
         self._list: QVBoxLayout = column(spacing=0)
         column(
@@ -222,7 +222,7 @@ class StageSelector(QWidget):
 
     def offer(self, stages: tuple[str, ...], own: tuple[str, ...], selected: tuple[str, ...]) -> None:
         """List `stages`, and check those in `selected`, in that order; parts consist of the product's stages, `own`."""
-        self._own = own
+        self._product_stages = own
         clear(self._list)
         in_order = iter(selected)
         self._rows = [_StageRow(next(in_order) if stage in selected else stage, self) for stage in stages]
@@ -264,7 +264,7 @@ class StageSelector(QWidget):
 
     def _stages_of(self, part: str) -> tuple[str, ...]:
         """Return the stages of the product that calibrate a part."""
-        return tuple(stage for stage in PARTS[part] if stage in self._own)
+        return tuple(stage for stage in PARTS[part] if stage in self._product_stages)
 
     def _list_title(self) -> str:
         """Return the title of the list of stages, which is an alternative to the parts if the product has any."""

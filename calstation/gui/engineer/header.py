@@ -74,7 +74,7 @@ class EngineerHeader(QWidget):
         return self.serial_edit.text().strip()
 
     def show_person(self, name: str, *, signed_in: bool) -> None:
-        """Show the name of the user, which can be edited only if the user has not signed in with a badge."""
+        """Show the name of the user, which cannot be edited if users sign in with badges."""
         if name != self.engineer_edit.text().strip() and not self.engineer_edit.hasFocus():
             with QSignalBlocker(self.engineer_edit):
                 self.engineer_edit.setText(name)
