@@ -63,8 +63,8 @@ def licence_text(name: str) -> str:
 
 def _validations(*folders: Path) -> list[str]:
     """Return a line for each of the latest validations in the folders, or a line that says that there is none."""
-    found = {file.name: file for folder in folders for file in (folder / "validation").glob("validation_*.json")}
-    latest = [found[name] for name in sorted(found, reverse=True)[:_MAX_VALIDATIONS]]
+    files = {file.name: file for folder in folders for file in (folder / "validation").glob("validation_*.json")}
+    latest = [files[name] for name in sorted(files, reverse=True)[:_MAX_VALIDATIONS]]
     return [f"- {_validation(file)}" for file in latest] or [say("help.no_validation")]
 
 
@@ -86,7 +86,7 @@ def _url(folder: Path) -> str:
 
 
 def _libraries() -> list[Distribution]:
-    """Return the installed libraries that the program requires, without those for its development."""
+    """Return the installed libraries that the program requires, except libraries for its development."""
     try:
         required = distribution(_PROGRAM).requires or []
     except PackageNotFoundError:  # run from a source tree that was never installed

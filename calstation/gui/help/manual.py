@@ -66,13 +66,13 @@ def sorted_titles(paths: list[str], *, keep: bool) -> list[tuple[str, str]]:
 def search(words: str) -> list[Section]:
     """Return the sections that contain all words; those with the words in their heading come first."""
     wanted = words.lower().split()
-    found = [
+    matches = [
         section
         for path in _paths()
         for section in sections(path)
         if all(word in section.text.lower() or word in section.heading.lower() for word in wanted)
     ]
-    return sorted(found, key=lambda section: not all(word in section.heading.lower() for word in wanted))
+    return sorted(matches, key=lambda section: not all(word in section.heading.lower() for word in wanted))
 
 
 def chapter_text(path: str) -> str:

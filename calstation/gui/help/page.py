@@ -15,7 +15,7 @@ from calstation.gui.text import bind, say
 from calstation.gui.widgets import button, column, line_edit, row, theme
 
 #: Width of the list of chapters, px, and maximum number of listed sections that contain the searched words.
-_LIST_WIDTH, _MAX_FOUND = 44 * theme.GRID, 100
+_LIST_WIDTH, _MAX_MATCHES = 44 * theme.GRID, 100
 _MARKDOWN = QTextDocument.ResourceType.MarkdownResource
 _TARGET = Qt.ItemDataRole.UserRole
 
@@ -42,15 +42,15 @@ class ManualBrowser(QTextBrowser):
     def mark(self, words: list[str]) -> None:
         """Highlight words in this chapter and in those opened later."""
         self._words = words
-        found = []
+        selections = []
         for word in words:
             cursor = QTextCursor(self.document())
             while not (cursor := self.document().find(word, cursor)).isNull():
                 selection: Any = QTextEdit.ExtraSelection()
                 selection.cursor, selection.format = cursor, QTextCharFormat()
                 selection.format.setBackground(theme.faint(theme.colours().caution, 90))
-                found.append(selection)
-        self.setExtraSelections(found)
+                selections.append(selection)
+        self.setExtraSelections(selections)
 
     def loadResource(self, kind: int, name: QUrl | str) -> Any:
         """Return the text of a URL of the program, or an image that is not wider than the page."""
@@ -168,9 +168,9 @@ class HelpPage(Page):
                 for title, path in chapters:
                     self._add(title, path)
         else:
-            found = manual.search(words)
-            self._add_heading(say("help.found", count=len(found)))
-            for each in found[:_MAX_FOUND]:
+            matches = manual.search(words)
+            self._add_heading(say("help.found", count=len(matches)))
+            for each in matches[:_MAX_MATCHES]:
                 name = each.heading if each.heading == each.chapter else f"{each.heading}  ·  {each.chapter}"
                 self._add(name, each.target)
         self.browser.mark(words.split())
