@@ -84,7 +84,7 @@ class RunDetails(QFrame):
         self.curves = TemperatureCurves("history_curves_combo", differences=False)
         self.curves.setMinimumHeight(22 * theme.GRID)
         self.plot_tabs = ViewTabs("history_plot_tabs", "history.runs_of_this_unit", "common.over_temperature")
-        self.plot_tabs.currentChanged.connect(lambda _: self._make_room())
+        self.plot_tabs.currentChanged.connect(lambda _: self._arrange_plots())
         self.result_button = button("history_result_button", "history.open_result")
         self.log_button = button("history_log_button", "history.open_log")
         self.record_button = button("history_record_button", "history.record", tip="history.record_tip")
@@ -95,11 +95,11 @@ class RunDetails(QFrame):
         self._documents, self._release = (label_button, certificate_button), release
         self._people = certificate_button.panel
         for asking in (release.open_changed, self._people.open_changed):
-            asking.connect(self._make_room)
+            asking.connect(self._arrange_plots)
         self._people.open_changed.connect(lambda asking: self.content_area.setVisible(not asking))
         release.open_changed.connect(self._offer_documents)
         self._lay_out()
-        self._make_room()
+        self._arrange_plots()
         on_language_change(self, self._show)
 
     @property
@@ -134,7 +134,7 @@ class RunDetails(QFrame):
         self._offer_documents()
         self.trend.show_runs(unit_runs, run.log.stem, result)
         self.curves.show_result(result)
-        self._make_room()
+        self._arrange_plots()
         self._show()
 
     def set_actions(self, actions: Actions) -> None:
@@ -143,7 +143,7 @@ class RunDetails(QFrame):
             self._actions = actions
             self._show_actions()
 
-    def _make_room(self, open_: bool = False) -> None:
+    def _arrange_plots(self, open_: bool = False) -> None:
         """Show the plot that the tabs select; if `open_`, hide it and the buttons to make room for inputs."""
         shown = self.curves.has_curves and self.plot_tabs.currentIndex() == 1
         self._run_buttons.setVisible(not open_)
@@ -358,7 +358,7 @@ class OfflineSolutionsTable(QWidget):
         on_language_change(self, self._show)
 
     def show_records(self, records: Sequence[ResolveRecord], error: CalstationError | None) -> None:
-        """Show the records of a log, of which the first is the oldest, or the error if they cannot be read."""
+        """Show the records of a log, given from the oldest to the latest, or the error if they cannot be read."""
         self._records, self._error = records[::-1], error
         self._show()
 

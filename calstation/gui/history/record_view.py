@@ -72,7 +72,7 @@ class RecordView(JobView):
         on_language_change(self, self._show_texts)
 
     def open(self, run: RunRecord, result: Result | None) -> None:
-        """Show the record of a run; `result` is None if it cannot have certificates."""
+        """Show the record of a run; `result` is None for a run that cannot have certificates."""
         self.notice.dismiss()
         self._run, self._certificates, self._without_events = run, None, False
         self.events.show_events(())
