@@ -36,7 +36,7 @@ class Comparison(QWidget):
         self._solved: Resolved | None = None
         self._outdated = False
         self._online: Result | None = None
-        self._beside = ""  #: Outcome in the result file if the log does not contain the run's end; "" if unknown.
+        self._file_outcome = ""  #: Outcome in the result file if the log does not contain the run's end; "" if unknown.
         self._in_sigma: dict[str, float] = {}
         names = ("online_badge", "offline_badge", "difference_badge")
         self.online_badge, self.offline_badge, self.difference_badge = badges = [StateBadge(name=n) for n in names]
@@ -63,7 +63,7 @@ class Comparison(QWidget):
         """Show the result of the run."""
         self._log_index, self._solved = log_index, None
         without_end = log_index.stored is None and log_index.outcome is None
-        self._beside = _outcome_beside(log_index.path) if without_end else ""
+        self._file_outcome = _outcome_in_file(log_index.path) if without_end else ""
         self._online = log_index.stored
         self._fill()
 
@@ -122,8 +122,8 @@ class Comparison(QWidget):
     def _online_verdict(self) -> tuple[str, str]:
         if self._online is not None:
             return KINDS.get(self._online.verdict, "none"), say(run_outcome(self._online))
-        if self._beside:
-            return "caution", say("logs.log_cut", outcome=self._beside)
+        if self._file_outcome:
+            return "caution", say("logs.log_cut", outcome=self._file_outcome)
         log = self._log_index
         if log is not None and log.outcome is None and log.meta.run is not None:
             return "caution", say("logs.run_not_ended")
@@ -174,7 +174,7 @@ class Comparison(QWidget):
         return notes + [say(event_text(key, values)) for key, values in solved.messages]
 
 
-def _outcome_beside(log: Path) -> str:
+def _outcome_in_file(log: Path) -> str:
     """Return the outcome in the result file next to a log, or "" if there is none or the run did not reach its end."""
     try:
         result = load_run_result(log.with_suffix(".json"))

@@ -84,7 +84,7 @@ class RangeBar(QWidget):
         return log is None or self.range == (log.facts.first_seq, log.facts.last_seq)
 
     def set_range(self, first: int, last: int) -> None:
-        """Show a range, limited to the log, instead of what was entered."""
+        """Show a range, limited to the log, instead of the entered values."""
         if self._log_index is None:
             return
         facts = self._log_index.facts
