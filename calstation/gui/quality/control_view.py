@@ -118,12 +118,12 @@ class ControlView(QWidget):
         self, parameter: ParameterQuality, index: int, words: dict[str, tuple[str, str]]
     ) -> dict[str, str]:
         started = datetime.fromtimestamp(parameter.started[index], UTC).isoformat()
-        here = [words[signal] for signal, runs in self._signals.items() if index in runs[-_MAX_LISTED:]]
+        texts = [words[signal] for signal, runs in self._signals.items() if index in runs[-_MAX_LISTED:]]
         return {
             "run": str(index + 1),
             "started": local_time(started),
-            "rules": ", ".join(short for short, _ in here),
-            "hint": "\n".join([parameter.names[index], *(text for _, text in here)]),
+            "rules": ", ".join(short for short, _ in texts),
+            "hint": "\n".join([parameter.names[index], *(text for _, text in texts)]),
         }
 
     @property
