@@ -36,7 +36,7 @@ from calstation.schema import KeyPath, Problem
 Index = QModelIndex | QPersistentModelIndex
 
 #: Function that returns the value at a key path of a file, or None.
-Get = Callable[[KeyPath], Any]
+ReadValue = Callable[[KeyPath], Any]
 
 #: Maximum width of a column, and width of the arrow in a cell with choices, px.
 _MAX_WIDTH, _ARROW_WIDTH = 34 * theme.GRID, 3 * theme.GRID
@@ -100,7 +100,7 @@ class FormModel(ParameterModel):
         name = self._cell_name(self.rows[index.row()].name, heading, cells[0].unit[0])
         return say("form.problem", name=name, what=problem_text(cells[0].in_display_unit(problem)))
 
-    def differences(self, old: Get, new: Get) -> list[str]:
+    def differences(self, old: ReadValue, new: ReadValue) -> list[str]:
         """Return a line for each value with a unit that differs between two texts of a file, in its display unit."""
         columns, earlier = self.form.columns(new), {each.name: each.cells for each in self.form.rows(old)}
         lines = []

@@ -84,7 +84,7 @@ class LinkSection(Section):
         self.test = TestPanel(app, device, self._station, self._slot)
         self._make_form()
         self._heading = label(kind="section", wrap=True)
-        left = column(self._heading, self._choice, self._note, self._form, self._room, None)
+        left = column(self._heading, self._choice, self._note, self._form, self._chamber_fields, None)
         row(left, (self.test, 1), on=self, spacing=3 * theme.GRID)
         app.product_changed.connect(self.refresh)
         self.connect_draft()
@@ -109,7 +109,7 @@ class LinkSection(Section):
         others = (self._unit, timeout, self._line_row, *self._line_fields)
         self._form = box(Row(self.kind_box, "way"), *ports, *others, None)
         keys = ("ambient_c", "dew_point_c", "agreement_c") if device == "chamber" else ()
-        self._room = box(*(Field(draft, (device, key)) for key in keys), None)
+        self._chamber_fields = box(*(Field(draft, (device, key)) for key in keys), None)
         self._choice = Row(self.profile_box, "chamber_profile")
         if device != "chamber":
             self._choice.hide()
@@ -135,7 +135,7 @@ class LinkSection(Section):
         absent = self._device == "chamber" and draft.value(("chamber",)) is None
         self.profile_box.fill()
         self.profile_box.show_value(profile or None)
-        self._room.setVisible(self._device == "chamber" and not absent)
+        self._chamber_fields.setVisible(self._device == "chamber" and not absent)
         self.test.setVisible(not absent)
         by_hand = defaults is not None and defaults.by_hand
         fixed = by_hand or draft.value(("bench",)) is not None
@@ -177,9 +177,9 @@ class LinkSection(Section):
 
     def _imu_defaults(self) -> LinkDefaults | None:
         product, profile = (self._draft.value((*self._key_path, key)) for key in ("product", "imu"))
-        known = product in library.names("products")
+        is_known = product in library.names("products")
         return imu_defaults(
-            library.find("products", product) if known else self._app.product_path,
+            library.find("products", product) if is_known else self._app.product_path,
             profile if profile in library.names("imus") else None,
         )
 
@@ -271,8 +271,8 @@ class TestPanel(QFrame):
         self.product_box.typed.connect(self.refresh)
         self.button = button(f"test_{device}_button", f"settings.test_{device}", self.start, kind="primary")
         self.button.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
-        works = {"table": check_table_link, "chamber": check_chamber_link, "imu": check_imu_link}
-        self.watch = app.job(self, works[device], self._done, failed=self._failed, cancelled=self._show_running)
+        tests = {"table": check_table_link, "chamber": check_chamber_link, "imu": check_imu_link}
+        self.watch = app.job(self, tests[device], self._done, failed=self._failed, cancelled=self._show_running)
         self.watch.progress.connect(self._show_note)
         self._progress, self._note = JobRow(self.watch), label(kind="muted", wrap=True)
         self.badge = StateBadge(theme.SECTION, f"{device}_test_badge")

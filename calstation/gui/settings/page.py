@@ -63,7 +63,7 @@ _OTHER_TITLES = (
 
 
 class StationPage(Page):
-    """The page with a list of sections, of which one is shown; edits are checked at once and saved on demand."""
+    """The page that shows one section from a list; edits are checked at once and saved on demand."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app, "station")
@@ -141,9 +141,9 @@ class StationPage(Page):
         hint = "settings.reason_placeholder"
         self._reason_edit = line_edit("change_reason_edit", lambda _: self.refresh(), longest=200, hint=hint)
         why = label("settings.reason_for_change", buddy=self._reason_edit)
-        made = box(row(why, (self._reason_edit, 1)))
-        made.setVisible(False)
-        return made
+        reason_row = box(row(why, (self._reason_edit, 1)))
+        reason_row.setVisible(False)
+        return reason_row
 
     def _lay_out(self) -> None:
         self.nav = QListWidget()

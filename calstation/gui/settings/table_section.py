@@ -42,7 +42,7 @@ class TableSection(Section):
         self._travel = TravelPlot()
         axes = [Field(draft, (f"{joint}_axis",)) for joint in _JOINTS]
         axes[0].key_paths += ((),)  # a problem of several axes has the key path of the whole file
-        self._of_middle: list[QWidget] = [axes[1]]
+        self._middle_widgets: list[QWidget] = [axes[1]]
         editors = {"axis_offset_mm": VectorEdit("12")}
         accuracy = [Field(draft, ("accuracy", name), editors.get(name), width=_NARROW_WIDTH) for name in _ACCURACY]
         left = column(label("settings.table", "section"), self._file, self._make_joints(), self._travel, *axes, None)
@@ -72,13 +72,13 @@ class TableSection(Section):
                     field.key_paths += ((joint,),)  # a low angle above the high angle is reported once
                 grid.addWidget(field, line, number, Qt.AlignmentFlag.AlignTop)
                 if joint == "middle":
-                    self._of_middle.append(field)
+                    self._middle_widgets.append(field)
         for number, (joint, (_, heading)) in enumerate(_JOINTS.items(), start=1):
             title = label(heading)
             title.setFont(theme.font(bold=True))
             grid.addWidget(title, 0, number)
             if joint == "middle":
-                self._of_middle.append(title)
+                self._middle_widgets.append(title)
         return grid
 
     def refresh(self) -> None:
@@ -88,7 +88,7 @@ class TableSection(Section):
             return self._draft.value((joint, "low_deg")), self._draft.value((joint, "high_deg"))
 
         is_gimbal = self._draft.value(("middle",)) is not None
-        for widget in self._of_middle:
+        for widget in self._middle_widgets:
             widget.setVisible(is_gimbal)
         names = {joint: name for joint, (name, _) in _JOINTS.items() if is_gimbal or joint != "middle"}
         self._travel.show_travel({say(name): ends(joint) for joint, name in names.items()})
