@@ -49,7 +49,7 @@ _MAX_NAMED = 3
 #: Line that the user enters to end a repeated stage.
 _END_STAGE = "e"
 
-#: Exit code by verdict; all others exit with 3.
+#: Exit code by verdict; all other verdicts exit with 3.
 _EXIT_CODES = {Verdict.PASSED: 0, Verdict.PARTIAL: 0, Verdict.FAILED: 1, Verdict.STOPPED: StoppedError.exit_code}
 
 #: Code of the text for the result of the innovation test of a stage; None means that nothing was tested.

@@ -164,7 +164,7 @@ def result_table(console: Console, result: Result) -> None:
         if not verdict and name in result.not_compared:
             verdict = say("cli.verdict_unjudged")
         table.add_row(name, value_text, sigma_text, unit, limits_text, largest_sigma, verdict)
-    for column in (*table.columns[:3], table.columns[-1]):  # a narrow terminal shortens the others
+    for column in (*table.columns[:3], table.columns[-1]):  # only the other columns may become narrower
         column.min_width = max((len(str(cell)) for cell in column.cells), default=0)
     if result.parameters:
         console.print(table)

@@ -52,8 +52,8 @@ def audit(
         raise ConfigurationError("cli.not_a_date", option="--since", value=since, program="calstation audit") from exc
     if restart is not None:
         person = ask_person(by or computer_user() or "", pin=access.has_pin(), reason=restart)
-        event_made = restart_site_trail(restart, person)
-        emit(event_made.model_dump(), json, [_line(event_made)])
+        restarted = restart_site_trail(restart, person)
+        emit(restarted.model_dump(), json, [_line(restarted)])
         return 0
     if timestamp is not None:
         stamp = stamp_trail(timestamp)
