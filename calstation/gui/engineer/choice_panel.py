@@ -130,7 +130,7 @@ class ChoicePanel(QFrame):
         self.selector.offer(options.offered, options.stages, selected)
 
     def show_problem(self, product: str, problem: str) -> None:
-        """Show only the name of a product and why it cannot be run, instead of the stages of the previous one."""
+        """Show only the name of a product and why it cannot be run, instead of the stages of the previous product."""
         self._name = product
         self.selector.hide()
         for form in self._forms.values():
@@ -279,7 +279,7 @@ class StageSelector(QWidget):
         self._leave_unselected()
 
     def _leave_unselected(self) -> None:
-        """Make the first selected stage the current one instead of a stage that is not selected any more."""
+        """Make the first selected stage the current one if the current stage has been deselected."""
         if self.stages and self.current not in self.stages:
             self.select(self.stages[0])
 

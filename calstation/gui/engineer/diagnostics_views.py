@@ -133,7 +133,7 @@ def _nis_cells(stage: StageDiagnostics) -> dict[str, str]:
 
 #: Width of the left axes of the plots of residuals, px.
 _AXIS_WIDTH = 9 * theme.GRID
-#: Relative heights of the plots of residuals; the last two have a long label or a horizontal axis with names.
+#: Relative heights of the plots of residuals; the last two have long labels, the last also a horizontal axis.
 _SHARES = 8, 8, 10, 13
 #: Smallest range of the plot of the tests in units of `EXCESSIVE`, with space for the names of stages and the caption.
 _HEADROOM = 2.0

@@ -44,7 +44,7 @@ class PreviewView(QWidget):
         super().__init__()
         self._request = request
         self.preview: Preview | None = None
-        #: Whether the selection has changed since the displayed, or since the latest, preview was started.
+        #: Whether the selection has changed since the displayed preview was started, and since the latest start.
         self._outdated = self._next_outdated = False
         self._error: CalstationError | None = None
         self.watch = app.job(self, compute_preview, self._done, failed=self._show_error, cancelled=self._refresh)

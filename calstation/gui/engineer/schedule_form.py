@@ -179,7 +179,7 @@ class _TargetField(_Field):
         self._edit.setPlaceholderText("" if implied is None else f"{implied / self._size:.3g}")
 
     def changes(self, value: Any) -> dict[KeyPath, Any]:
-        """Return the new target, which replaces those of single parameters, or restore these if there is no target."""
+        """Return the changes for a new target: it replaces the targets of single parameters, which None restores."""
         changes: dict[KeyPath, Any] = {self._key_path: value}
         return changes | {(self._key_path[0], n): s if value is None else None for n, s in self._single.items()}
 

@@ -175,7 +175,7 @@ class Comparison(QWidget):
 
 
 def _outcome_in_file(log: Path) -> str:
-    """Return the outcome in the result file next to a log, or "" if there is none or the run did not reach its end."""
+    """Return the outcome in the result file next to a log, or "" without a file or if the run did not end."""
     try:
         result = load_run_result(log.with_suffix(".json"))
     except InputError as error:
