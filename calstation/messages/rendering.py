@@ -36,7 +36,7 @@ _AXES = re.compile(r"([+-][xyz])+")
 #: Smallest difference of a probability from 0 or 1 with which the probability is shown as a number.
 _SMALLEST_SHARE = 1e-4
 #: Smallest number that is shown with an exponent.
-_LARGEST_PLAIN = 1e6
+_MIN_WITH_EXPONENT = 1e6
 
 _NO_DIGITS = str.maketrans("", "", string.digits)
 
@@ -238,7 +238,7 @@ def rounds_text(stage: str, rounds: int) -> Text:
 def plain_number(value: float, form: str) -> str:
     """Format a number; a large one has no exponent, such as 1234 instead of 1.23e+03 for the format ``.3g``."""
     text = format(value, form)
-    if "e+" not in text or abs(value) >= _LARGEST_PLAIN:
+    if "e+" not in text or abs(value) >= _MIN_WITH_EXPONENT:
         return text
     return format(value, "+.0f" if form.startswith("+") else ".0f")
 
