@@ -1,4 +1,4 @@
-"""Start of the window: a picture until it is loaded, and its enlargement on a large screen at a distance."""
+"""Start of the program: a splash screen while the window loads, and larger widgets on a large screen."""
 
 import gc
 import os
@@ -12,29 +12,29 @@ from PySide6.QtWidgets import QApplication, QLabel, QMainWindow
 
 from calstation.jobs import on_stop_signals
 
-#: Environment variable with the factor by which Qt enlarges everything, which it reads when an application is created.
+#: Environment variable with the factor by which Qt enlarges everything; Qt reads it when a QApplication is created.
 _FACTOR = "QT_SCALE_FACTOR"
 
-#: Width and height of the screen from which the window grows, logical px, and its maximum growth.
-_WIDTH, _HEIGHT, _MAX_GROWTH = 1366, 768, 2.5
+#: Width and height of a screen above which the window is enlarged, logical px, and the maximum factor.
+_WIDTH, _HEIGHT, _MAX_FACTOR = 1366, 768, 2.5
 
-#: Size of the picture that is shown while the window is loaded, and of its letters, px.
-_PICTURE, _LETTERS = (480, 160), 40
+#: Size of the splash screen and of its letters, px.
+_SPLASH_SIZE, _LETTER_SIZE = (480, 160), 40
 
 
-def growth(screen: tuple[int, int]) -> float:
-    """Return the factor by which the window grows with the available width and height of its screen, logical px."""
+def enlargement(screen: tuple[int, int]) -> float:
+    """Return the factor that enlarges the window for the available width and height of a screen, logical px."""
     width, height = screen
-    factor = min(width / _WIDTH, height / _HEIGHT, _MAX_GROWTH)
+    factor = min(width / _WIDTH, height / _HEIGHT, _MAX_FACTOR)
     return max(int(100 * factor) / 100, 1.0)
 
 
 @contextmanager
 def enlarged(screen: tuple[int, int]) -> Iterator[None]:
-    """Enlarge an application that is created in this context; other programs do not inherit the factor."""
+    """Enlarge a QApplication that is created in this context; other programs do not inherit the factor."""
     given = os.environ.get(_FACTOR)
-    with suppress(ValueError):  # Qt ignores a text that is not a number, too
-        os.environ[_FACTOR] = str(growth(screen) * float(given or 1.0))
+    with suppress(ValueError):  # Qt also ignores a text that is not a number
+        os.environ[_FACTOR] = str(enlargement(screen) * float(given or 1.0))
     try:
         yield
     finally:
@@ -44,9 +44,9 @@ def enlarged(screen: tuple[int, int]) -> Iterator[None]:
 
 
 def create_window(station: Path | None = None) -> QMainWindow:
-    """Create the window for a program that drives it, and the QApplication if there is none.
+    """Create the window for a program that controls it, and the QApplication if there is none.
 
-    It is that of the last station by default. Its contents are imported now, which takes 2 s.
+    By default, the window shows the station that was used last. The import of its contents takes 2 s.
     """
     from calstation.gui.shell import create_window as create
 
@@ -56,15 +56,15 @@ def create_window(station: Path | None = None) -> QMainWindow:
 def main(screen: tuple[int, int]) -> int:
     """Open the window, and return the exit code after it has been closed.
 
-    The window grows with the available width and height of the screen, logical px. Ctrl-C in the terminal or
-    another signal stops a run safely, then closes the window.
+    The available width and height of the `screen`, logical px, determine the size of the widgets. Ctrl-C in the
+    terminal or another stop signal stops a run safely, then closes the window.
     """
     with enlarged(screen):
         app = QApplication(sys.argv[:1])
-    picture = opening_picture()
-    picture.show()
+    splash = splash_screen()
+    splash.show()
     app.processEvents()
-    from calstation.gui.shell import create_window  # takes 2 s, during which the picture is shown
+    from calstation.gui.shell import create_window  # takes 2 s, during which the splash screen is shown
 
     window = create_window()
     signal_timer = QTimer(window, interval=200)  # lets Python run its signal handlers
@@ -72,7 +72,7 @@ def main(screen: tuple[int, int]) -> int:
     signal_timer.start()
     window.prepared.connect(freeze_objects)
     window.show()
-    picture.close()
+    splash.close()
     with on_stop_signals(window.stop_and_close):
         return QApplication.exec()
 
@@ -83,14 +83,14 @@ def freeze_objects() -> None:
     gc.freeze()
 
 
-def opening_picture() -> QLabel:
-    """Return the picture that is shown in the middle of the screen until the window is loaded."""
-    picture = QLabel("calstation", None, Qt.WindowType.SplashScreen, alignment=Qt.AlignmentFlag.AlignCenter)
-    picture.setFixedSize(*_PICTURE)
-    font = picture.font()
-    font.setPixelSize(_LETTERS)
-    picture.setFont(font)
-    box = picture.rect()
-    box.moveCenter(picture.screen().availableGeometry().center())
-    picture.move(box.topLeft())
-    return picture
+def splash_screen() -> QLabel:
+    """Return the splash screen, which is shown in the middle of the screen until the window is loaded."""
+    splash = QLabel("calstation", None, Qt.WindowType.SplashScreen, alignment=Qt.AlignmentFlag.AlignCenter)
+    splash.setFixedSize(*_SPLASH_SIZE)
+    font = splash.font()
+    font.setPixelSize(_LETTER_SIZE)
+    splash.setFont(font)
+    box = splash.rect()
+    box.moveCenter(splash.screen().availableGeometry().center())
+    splash.move(box.topLeft())
+    return splash

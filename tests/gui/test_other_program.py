@@ -226,7 +226,7 @@ def test_stop_is_not_passed_to_a_later_run(hardware: Operator, monkeypatch: pyte
     now = datetime.now(UTC)
     since = now + timedelta(minutes=1) if later == "owner" else now - timedelta(minutes=1)
     owner = Mock(pid=1, parent=None, since=since.isoformat(timespec="seconds"), user="wang")
-    watch._look()
+    watch._find_owner()
     if later == "read":
         start_engine(hardware)
     hardware.run.stop()  # during a read
@@ -234,7 +234,7 @@ def test_stop_is_not_passed_to_a_later_run(hardware: Operator, monkeypatch: pyte
         hardware.window.app.engine_link.event.emit(StateChanged("preparing", "idle"))
         watch._show(watch._station, None)
         hardware.run.state = "idle"
-        watch._look()
+        watch._find_owner()
     watch._show(watch._station, owner)
     assert hardware.run.program is not None
     owner.stop.assert_not_called()

@@ -13,7 +13,7 @@ from calstation.config import library
 from calstation.connection.table_reset import TableReset
 from calstation.gui.operator import advice
 from calstation.gui.operator.page import OperatorPage
-from calstation.gui.start import growth
+from calstation.gui.start import enlargement
 from calstation.gui.state import RunStrip
 from calstation.gui.text import language, product_text, say, station_text
 from calstation.gui.widgets import Choice, PageArea, lay_out, theme
@@ -43,7 +43,7 @@ def text_size(widget: QWidget) -> int:
     [((1280, 720), 1.0), ((1366, 768), 1.0), ((1920, 1080), 1.4), ((3440, 1440), 1.87), ((3840, 2160), 2.5)],
 )
 def test_window_grows_with_the_screen(screen: tuple[int, int], factor: float) -> None:
-    assert growth(screen) == factor
+    assert enlargement(screen) == factor
 
 
 @pytest.mark.long

@@ -68,7 +68,7 @@ class RecordsExchange(QObject):
 
 
 def create_window(station: Path | None = None) -> MainWindow:
-    """Create the main window, and the QApplication if there is none; by default for the last station."""
+    """Create the main window, by default for the station that was used last, and the QApplication if there is none."""
     app = cast("QApplication", QApplication.instance() or QApplication(sys.argv[:1]))
     app.setApplicationName("calstation")
     collect_in_this_thread(app)

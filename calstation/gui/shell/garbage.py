@@ -1,17 +1,17 @@
-"""Garbage collection of the window's process in the thread of the window only."""
+"""Garbage collection that runs only in the thread of the window."""
 
 import gc
 
 from PySide6.QtCore import QCoreApplication, QTimer
 
-#: Interval at which garbage is collected if enough of it may have gathered, ms.
+#: Interval at which the thresholds for a collection are checked, ms.
 _INTERVAL = 500
 
 
 def collect_in_this_thread(app: QCoreApplication) -> None:
-    """Collect garbage by a timer of the application instead of in whichever thread creates an object.
+    """Collect garbage with a timer of the application instead of in whichever thread creates an object.
 
-    Threads that read pipes would delete widgets while Qt uses them, which crashes the process.
+    Otherwise, a thread that reads a pipe could delete widgets while Qt uses them, which crashes the process.
     """
     if gc.isenabled():
         gc.disable()
@@ -21,7 +21,7 @@ def collect_in_this_thread(app: QCoreApplication) -> None:
 
 
 def collect_garbage() -> None:
-    """Collect the garbage of as many generations as an automatic collection would."""
+    """Collect the generations that an automatic collection would collect now."""
     for generation in (2, 1, 0):
         if gc.get_count()[generation] > gc.get_threshold()[generation]:
             gc.collect(generation)

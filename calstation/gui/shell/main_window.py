@@ -34,7 +34,7 @@ _DEFAULT, _MINIMUM, _FRAME = QSize(1366, 768), QSize(900, 400), QSize(16, 48)
 
 
 def _lazy_page(package: str, page: str) -> Callable[[AppContext], Page]:
-    """Return a constructor that imports the package of a page when it is called, which saves 0.2 s at start-up."""
+    """Return a constructor that imports the package of a page only when called, which saves 0.2 s at start-up."""
     return lambda app: cast("Page", getattr(import_module(f"calstation.gui.{package}"), page)(app))
 
 
@@ -48,16 +48,18 @@ _PAGES: dict[str, Callable[[AppContext], Page]] = {
     "station_page": _lazy_page("settings", "StationPage"),
     "help_page": _lazy_page("help", "HelpPage"),
 }
-#: Time from showing the window to the creation of the engineer page, ms, in which the window is painted, and of the
-#: other pages, one in each turn of the event loop, so that a page that is first shown during a run does not block it.
-_CREATION_DELAY_MS, _PREPARATION_DELAY_MS = 50, 1000
+#: Time after the window is shown at which the engineer page is created, ms; until then, the window is painted.
+_CREATION_DELAY_MS = 50
+#: Time after the first paint at which the other pages are prepared, ms, one in each turn of the event loop, so that a
+#: page that is first shown during a run does not block the window.
+_PREPARATION_DELAY_MS = 1000
 
-#: Longest pause between two characters of a scan on a page without its field, s, and its smallest length.
+#: Maximum time between two characters of a scan outside the field for scans, s, and minimum length of such a scan.
 _SCAN_PAUSE, _SHORTEST_SCAN = 0.3, 4
 
 
 class _Tab(QWidget):
-    """A tab that creates its page below the strip when it is first used."""
+    """A tab that creates its page, which is below the strip, when the page is first used."""
 
     def __init__(self, app: AppContext, create: Callable[[AppContext], Page]) -> None:
         super().__init__()
@@ -92,7 +94,7 @@ class _Tab(QWidget):
         return self._page is None or self._page.may_leave(go)
 
     def prepare(self, size: QSize) -> None:
-        """Create the page and its views, and draw it unseen, so that it is shown without a delay later."""
+        """Create the page and its views, and draw the page off screen, so that it is later shown without delay."""
         self.page.prepare()
         self.resize(size)
         self.grab()
@@ -153,7 +155,7 @@ class MainWindow(QMainWindow):
         geometry = app.settings.value("geometry")
         if isinstance(geometry, QByteArray):
             self.restoreGeometry(geometry)
-        #: Time of the last character of a scan on a page without its field, s, and the characters so far.
+        #: Time of the last character of a scan outside the field for scans, s, and the characters so far.
         self._scan = 0.0, ""
         self._fit_screen()
 
@@ -200,8 +202,8 @@ class MainWindow(QMainWindow):
         QTimer.singleShot(_PREPARATION_DELAY_MS, self, self._prepare_next)
 
     def _prepare_next(self) -> None:
-        """Prepare the next page, but not during a run; the last one is followed by `prepared`."""
-        if self.app.engine_link.running:  # the window must take STOP and reply to the engine at once
+        """Prepare the next page, but not during a run; after the last page, emit `prepared`."""
+        if self.app.engine_link.running:  # the window must handle STOP and reply to the engine at once
             QTimer.singleShot(_PREPARATION_DELAY_MS, self, self._prepare_next)
             return
         tab = next((tab for tab in self._tabs.values() if not tab.prepared), None)
@@ -232,7 +234,7 @@ class MainWindow(QMainWindow):
         self.page_tabs.setCurrentWidget(self._tabs[name])
 
     def show_help(self) -> None:
-        """Open the manual at the section about the current page; a page that must not be left stays."""
+        """Open the manual at the section about the current page, unless this page must not be left."""
         target = list(self._tabs.values())[self._current].page.manual
         self.show_page("help_page")
         if target and self.page_tabs.currentWidget() is self._tabs["help_page"]:
@@ -255,7 +257,7 @@ class MainWindow(QMainWindow):
             self.language_combo.setCurrentIndex(max(0, self.language_combo.findData(language.current())))
 
     def _show_title(self) -> None:
-        """Show the units of a run and its state in the title, which the task bar shows, too."""
+        """Show the units and the state of a run in the window title, which the task bar also shows."""
         shown = self.app.run.serials or self.app.run.occupied is not None
         self.setWindowTitle(f"{run_title(self.app.run)}  –  calstation" if shown else "calstation")
 
@@ -272,12 +274,12 @@ class MainWindow(QMainWindow):
         return super().eventFilter(watched, event)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Handle a key that no widget has accepted as the start of a scan, or as a part of one on another page."""
+        """Treat a key that no widget has accepted as a part of a scan."""
         if self._role_panel.isVisible() or not (self.operator_page.header.handle_key(event) or self._collect(event)):
             super().keyPressEvent(event)
 
     def _collect(self, event: QKeyEvent) -> bool:
-        """Collect the characters of a scan on another page or during a run, and enter it on the operator page."""
+        """Collect the characters of a scan on another page or during a run; enter the scan on the operator page."""
         now, text = time.monotonic(), event.text()
         scan = self._scan[1] if now - self._scan[0] < _SCAN_PAUSE else ""
         if text.isprintable() and text:
@@ -322,7 +324,7 @@ class MainWindow(QMainWindow):
         if running or not self._closing:
             return
         run = self.app.run
-        if run.chamber.must_stay_closed or run.stop_incomplete:  # nothing else says that they may be dangerous
+        if run.chamber.must_stay_closed or run.stop_incomplete:  # only the window shows these dangers
             self._closing = False
         else:
             self.close()
@@ -371,7 +373,7 @@ class MainWindow(QMainWindow):
             self._strip.raise_()
 
     def _escape(self) -> None:
-        """Stop a run that may be in progress, also of a silent engine, or close the role panel.
+        """Stop the run, even if the engine does not respond; without a run, close the role panel if it is open.
 
         A run in another window or program is stopped in both cases.
         """
@@ -393,7 +395,7 @@ class MainWindow(QMainWindow):
             self._role_panel.move(stop.x() - panel.width() - theme.GRID, self.height() - panel.height())
 
     def _focus_page(self) -> None:
-        """Move the focus from the top bar to the current page, where a scan or the keys belong."""
+        """Move the focus from the top bar to the current page, so that the page receives scans and keys."""
         page = list(self._tabs.values())[self._current].page
         self.operator_page.await_scan() if page is self.operator_page else page.setFocus()
 

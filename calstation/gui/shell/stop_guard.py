@@ -1,4 +1,4 @@
-"""STOP while a dialog or a popup has the keyboard and the mouse."""
+"""STOP while a dialog or a popup receives the keys and clicks."""
 
 from PySide6.QtCore import QEvent, QObject, QPoint, QRect, Qt
 from PySide6.QtGui import QGuiApplication, QKeyEvent, QMouseEvent, QWindow
@@ -10,8 +10,8 @@ from calstation.gui.state import RunStatus
 class StopGuard(QObject):
     """Stops a run in progress on Esc in any window of the program, and on a click on STOP while a popup is open.
 
-    The first Esc stops the run, and the next one closes the dialog or popup. It filters the events of the platform's
-    windows, because a popup receives all keys and the first click outside it, and these windows have few events.
+    The first Esc stops the run, and the next one closes the dialog or popup. The guard filters the events of each
+    QWindow, because a popup receives all keys and the first click outside it, and because a QWindow has few events.
     """
 
     def __init__(self, run: RunStatus, stop_button: QPushButton) -> None:
@@ -32,7 +32,7 @@ class StopGuard(QObject):
         if isinstance(event, QKeyEvent) and event.key() == Qt.Key.Key_Escape:
             if event.type() == QEvent.Type.KeyPress:
                 self._run.stop()
-            event.accept()  # no shortcut takes the key
+            event.accept()  # so that no shortcut handles the key
             return event.type() != QEvent.Type.KeyRelease
         if isinstance(event, QMouseEvent) and event.type() == QEvent.Type.MouseButtonPress:
             popup, at = QApplication.activePopupWidget(), event.globalPosition().toPoint()

@@ -1,7 +1,7 @@
 """State and widgets that the pages share: the context, the status of the run, the role, and panels for a run.
 
-Widgets that do not depend on runs belong in `calstation.gui.widgets`. The package has more than 15 modules, one for
-each state, such as the run, the table or the ports, and for each panel that several pages show.
+Widgets that do not depend on runs belong in `calstation.gui.widgets`. The package has more than 15 modules: one for
+each state, such as that of the run, the table or the ports, and one for each panel that several pages show.
 """
 
 from calstation.gui.state.chamber_notice import ChamberNotice, chamber_reason, thing_text

@@ -1,4 +1,4 @@
-"""The notice that the chamber must stay closed, and its reason in words."""
+"""The notice whether the chamber may be opened, and the reason why it must stay closed."""
 
 from calstation.gui.state.run_status import RunStatus
 from calstation.gui.text import say
@@ -9,7 +9,7 @@ _KINDS = {"closed": "caution", "unknown": "bad", "open": "good"}
 
 
 class ChamberNotice(NoticeBar):
-    """Says from the end of a run over temperature whether the chamber may be opened."""
+    """States, from the end of a run over temperature, whether the chamber may be opened."""
 
     def __init__(self, run: RunStatus, prefix: str) -> None:
         super().__init__(f"{prefix}chamber_notice")
@@ -17,7 +17,7 @@ class ChamberNotice(NoticeBar):
         run.changed.connect(self.show_state)
 
     def show_state(self) -> None:
-        """Show the state of the chamber, or hide if there is nothing to say."""
+        """Show whether the chamber may be opened; hide the notice during a run and without a chamber."""
         access = self._run.chamber.access
         if access == self._access:
             self.refresh()
@@ -59,7 +59,7 @@ def chamber_reason(run: RunStatus) -> str:
 
 
 def thing_text(slot: str | None) -> str:
-    """Return what has a temperature, as the beginning of a line: the air (None), the unit (""), or that in a slot."""
+    """Return the subject of a temperature for the start of a line: the air (None), the unit (""), or that in a slot."""
     if slot is None:
         return say("operator.chamber_air")
     return say("operator.chamber_slot", slot=slot) if slot else say("operator.chamber_unit")

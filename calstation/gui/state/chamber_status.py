@@ -9,7 +9,7 @@ from calstation.sequencer import ChamberChanged, Event, Fault, Message, StateCha
 #: Maximum number of points of a track; when it is exceeded, every second point is removed.
 _MAX_POINTS = 2000
 
-#: Whether the operator may open the chamber after the run: it must stay closed, it may be opened, or this is unknown.
+#: Whether the operator may open the chamber after the run; "" during the run.
 Access = Literal["", "closed", "open", "unknown"]
 
 #: Access after a message of the engine.
@@ -54,20 +54,20 @@ class ChamberStatus:
     def __init__(self) -> None:
         self.latest: ChamberChanged | None = None
         self.access: Access = ""
-        #: Whether it is not known yet if an earlier run left the chamber at an unknown temperature.
+        #: True until it is known whether an earlier run left the chamber at an unknown temperature.
         self.unchecked = False
         self.track = Track()
 
     @property
     def must_stay_closed(self) -> bool:
-        """Whether the chamber must not be opened after a run, or before it is known how the last one left it."""
+        """Whether the chamber must not be opened, after a run or until it is known how the last run left it."""
         return self.unchecked or self.access in ("closed", "unknown")
 
     @property
     def farthest(self) -> tuple[str | None, float, float] | None:
-        """Slot, temperature and distance, °C, of what is farthest outside the temperatures that may be exposed.
+        """Slot, temperature and distance, °C, of the unit or air farthest outside the range for opening the chamber.
 
-        The slot is None for the air. The distance is negative below these temperatures. None if everything is within.
+        The slot is None for the air. The distance is negative below the range. None if all temperatures are within it.
         """
         if self.latest is None:
             return None
@@ -95,7 +95,7 @@ class ChamberStatus:
             self.access = ""
 
     def end(self) -> None:
-        """Process the end of the engine, after which the state of a chamber that must stay closed is unknown."""
+        """Process the end of the engine, after which the chamber's state is unknown unless it may be opened."""
         if self.access == "closed" or (self.access == "" and self.latest is not None):
             self.access = "unknown"
 
@@ -106,7 +106,7 @@ class ChamberStatus:
             self.access = "unknown"
 
     def acknowledge(self) -> None:
-        """Remove the notice that the chamber may be opened, or that its state is not known."""
+        """Remove the notice that the chamber may be opened or that its state is unknown."""
         if self.access in ("open", "unknown"):
             self.access = ""
             self.latest = None

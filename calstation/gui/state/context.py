@@ -77,7 +77,7 @@ class AppContext(QObject):
         self.exchange_state: ExchangeState | None = None
         #: Serial numbers of the units that are claimed in the shared database, with their operators.
         self.claimed: Mapping[str, str | None] = {}
-        self.engine_link.running_changed.connect(self._end_choice)  # before a page asks about the run
+        self.engine_link.running_changed.connect(self._end_choice)  # called before the slots of the pages
         self.run.stop_incomplete_changed.connect(self._store_stop_incomplete)
         self.station_changed.connect(self._restore_stop_incomplete)
         self._restore_stop_incomplete()
@@ -100,7 +100,7 @@ class AppContext(QObject):
         Parameters
         ----------
         owner
-            Object until whose destruction the slots are called.
+            Object whose destruction disconnects the slots.
         work
             Function at the top level of a module; None if it is the first argument of `start`.
         done, failed, cancelled
@@ -120,36 +120,35 @@ class AppContext(QObject):
 
     @property
     def author(self) -> Confirmation:
-        """The `person` in the audit trail, and whether a personal PIN proved it when the engineer role was unlocked."""
+        """The `person` as recorded in the audit trail, and which PIN, personal or of the site, was entered, if any."""
         role = self.role
-        proved = bool(role.badge) and role.person == self.person and self.badge in (None, role.badge)
-        if proved:
+        if role.badge and role.person == self.person and self.badge in (None, role.badge):
             return Confirmation(self.recorded(role.badge), pin="personal")
         by = self.recorded(self.badge or self.person or "engineer")
         return Confirmation(by, pin="site" if role.engineer and not role.badge else None)
 
     @property
     def _sign_in(self) -> SignInSection | None:
-        """Badges of the station; None without badges, or if the file is damaged, which an engineer must correct."""
+        """Badges of the station; None if it has none or if its file cannot be read."""
         try:
             return load_station(self.station_path)[1].sign_in
         except CalstationError:
             return None
 
     def recorded(self, entered: str) -> str:
-        """Return how records name the person who entered a badge or a name."""
+        """Return the name in records of the person who entered a badge or a name."""
         sign_in = self._sign_in
         return entered if sign_in is None else sign_in.person(entered)
 
     def history(self) -> History:
-        """Open the history of the runs that count at the station; of all runs if its file cannot be read."""
+        """Open the history of the runs that count at the station, or of all runs if the station cannot be read."""
         try:
             return History.at(self.runs_folder, load_station(self.station_path)[1])
         except CalstationError:
             return History(self.runs_folder)
 
     def engineer_badge(self, entered: str) -> str:
-        """Return a badge that the station lists as that of an engineer, otherwise ""."""
+        """Return the entered badge if the station lists it as an engineer's, otherwise ""."""
         sign_in = self._sign_in
         return entered if sign_in is not None and entered in sign_in.engineers else ""
 

@@ -10,10 +10,9 @@ from calstation.sequencer import Command
 class EngineLink(QObject):
     """The link that starts runs and register operations, and emits the events of their engine process.
 
-    Signals: `event(event)`, a `Fault` if the engine process dies; `running_changed(running)` when the process has ended
-    or, in the next turn of the event loop, been started, because the checks before the start take a turn. `request` is
-    the request of the last run or register operation, and `operation` is the last register operation, or None after a
-    run.
+    Signals: `event(event)`, with a `Fault` if the engine process dies; `running_changed(False)` when the process has
+    ended, and `running_changed(True)` one turn of the event loop after its start. `request` is the request of the last
+    run or register operation, and `operation` is the last register operation, or None after a run.
     """
 
     event = Signal(object)  # type: ignore[assignment] # replaces QObject.event, which is not used

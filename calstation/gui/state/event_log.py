@@ -13,7 +13,7 @@ from calstation.messages import local_time
 from calstation.results import TimedEvent
 from calstation.sequencer import LOSSY, Event
 
-#: Time from an event to its display, in which further events may follow, ms.
+#: Time from an event to its display, ms, so that events in quick succession are displayed together.
 _REFRESH_MS = 100
 _CLOCK, _TIME, _SLOT, _EVENT = (
     Cell("event_log.clock", "clock", number=False, hint="utc"),
@@ -51,7 +51,7 @@ class EventLog(CellTable):
         self._refresh()
 
     def fit_columns(self) -> None:
-        """Leave the free width to the sentences."""
+        """Give the remaining width to the column of sentences."""
         self.resizeColumnsToContents()
         last = self.parameters.columnCount() - 1
         used = sum(self.columnWidth(i) for i in range(last))
@@ -80,7 +80,7 @@ class EventLog(CellTable):
                 time_text = "–" if each.seconds is None else duration_text(each.seconds)
                 utc = local_time(each.utc, zone=True) if each.utc else ""
                 rows[str(number)] = {
-                    "clock": utc[11:19],  # the day is that of the run
+                    "clock": utc[11:19],  # without the date, which is that of the run
                     "utc": utc,
                     "time": time_text,
                     "slot": each.event.slot,

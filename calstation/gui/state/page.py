@@ -30,7 +30,7 @@ class JobView(QWidget):
 
     @property
     def busy(self) -> bool:
-        """Whether a job of the view waits or runs."""
+        """Whether a job of the view is waiting or running."""
         return any(job.busy for job in self._jobs)
 
     def job(
@@ -87,7 +87,7 @@ class Page(JobView):
             self.setObjectName(f"{name}_page")
 
     def prepare(self) -> None:
-        """Create what is otherwise created when it is first used, which would block the window during a run."""
+        """Create views that would otherwise be created at their first use, which would block the window in a run."""
 
     def may_leave(self, go: Callable[[], object]) -> bool:
         """Return whether the page may be left; a page that returns False calls `go` after the user has confirmed."""

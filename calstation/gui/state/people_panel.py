@@ -20,7 +20,7 @@ from calstation.results import Result, override_required, override_result
 #: Function that receives the reason, the acting person, and the confirming person if one is required.
 ConfirmedCallback = Callable[[str, Person, Person | None], None]
 
-#: Lines below the fields that are kept free for a refusal.
+#: Number of lines below the fields that are reserved for a refusal.
 _REFUSAL_LINES = 2
 
 #: Object name of the button that closes the notice that nobody has signed in.
@@ -44,12 +44,12 @@ def ask_to_sign_in(app: AppContext, notice: NoticeBar, title: Words, text: Words
 class PeoplePanel(QFrame):
     """A panel that `ask` shows; the caller hides it after the action, or calls `retry` for another attempt.
 
-    A refusal or a wrong date is stated below the fields, which stay where they are, so that nobody types a PIN into
-    another field.
+    A refusal or a wrong date is shown below the fields without moving them, so that nobody types a PIN into another
+    field.
     """
 
     open_changed = Signal(bool)  #: Emitted with True when the panel opens, and with False when it closes.
-    cancelled = Signal()  #: Emitted when a person cancels, after which no refusal of the action need be shown.
+    cancelled = Signal()  #: Emitted when a person cancels; a later refusal of the action need not be shown.
 
     def __init__(self, name: str) -> None:
         super().__init__()
@@ -83,7 +83,7 @@ class PeoplePanel(QFrame):
         self._received_caption.setBuddy(self._received)
         bind(self._received.setPlaceholderText, "window.received_hint")
         self._error_words: Words = ""
-        self._progress: Words = ""  #: Progress of the confirmed action; "" while none is running.
+        self._progress: Words = ""  #: Progress of the confirmed action; "" while no action is running.
         self._error = label(kind="error", name=f"{name}_refusal_label", wrap=True)
         self._error.setAlignment(Qt.AlignmentFlag.AlignTop)
         self._error.setMinimumHeight(_REFUSAL_LINES * self._error.fontMetrics().lineSpacing())
@@ -128,7 +128,7 @@ class PeoplePanel(QFrame):
         reason
             Whether a reason is required.
         note
-            What to know before; "" for nothing.
+            Note shown above the fields; "" for none.
         received
             Whether to ask for the date of receipt of the unit, which may stay empty; see `received`.
         """
@@ -160,10 +160,10 @@ class PeoplePanel(QFrame):
         self._edits[2].setFocus()
 
     def show_progress(self, words: Words) -> None:
-        """Show the progress of the confirmed action on the Confirm button, which it disables; "" enables it."""
+        """Disable the Confirm button and show the progress of the confirmed action on it; "" enables the button."""
         self._progress = words
         if words and self._confirm_button.hasFocus():
-            self._confirm_button.clearFocus()  # which no other button receives
+            self._confirm_button.clearFocus()  # otherwise another button would receive the focus
         self._refresh()
 
     def _refuse(self, error: CalstationError) -> None:

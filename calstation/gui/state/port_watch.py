@@ -1,4 +1,4 @@
-"""The watch on the ports of the station, which another program of this computer may use."""
+"""Detection of other programs on this computer that use the ports of the station."""
 
 import os
 from contextlib import suppress
@@ -21,8 +21,8 @@ _IN_USE = ("connection.port_in_use", "connection.port_in_use_unknown")
 class PortWatch(QObject):
     """Shows the program that uses the devices of the station as `RunStatus.program`, and passes STOP to its run."""
 
-    stopped = Signal(Text)  #: Emitted with a notice when the run of another program has ended after STOP here.
-    freed = Signal()  #: Emitted when the other program has ended because of which a run could not start.
+    stopped = Signal(Text)  #: Emitted with a notice when another program's run has ended after STOP in this window.
+    freed = Signal()  #: Emitted when the program that prevented the start of a run has ended.
     _read = Signal(object, object)
 
     def __init__(self, run: RunStatus, link: EngineLink, parent: QObject | None = None) -> None:
@@ -32,27 +32,27 @@ class PortWatch(QObject):
         self._owner: PortOwner | None = None
         self._effect = ""  #: Effect of STOP on the owner, ``stopping`` or ``not_stopped``; "" before STOP.
         self._reading = False
-        self._stop_reads = 0  #: Number of reads whose owner is stopped, because STOP was pressed before they ended.
-        self._stop_since = ""  #: Time at which it was pressed, ISO 8601 in UTC.
+        self._stop_reads = 0  #: Number of pending reads that stop the owner they find, because STOP was pressed.
+        self._stop_since = ""  #: Time at which STOP was pressed, ISO 8601 in UTC.
         self._timer = QTimer(self, interval=_INTERVAL_MS)
-        self._timer.timeout.connect(self._look)
+        self._timer.timeout.connect(self._find_owner)
         self._read.connect(self._show)
         run.stop_pressed.connect(self._stop)
 
     def watch(self, station: Path | None) -> None:
-        """Watch the ports of a station file, by default of the virtual bench, which has none."""
+        """Watch the ports of a station file; None for the virtual bench, which has no ports."""
         if station != self._station:
             self._station, self._stop_reads = station, 0
             self._set_owner(None)
         self._timer.start()
-        self._look()
+        self._find_owner()
 
     def leave(self) -> None:
         """End the watch."""
         self._timer.stop()
 
-    def _look(self) -> None:
-        if self._run.in_progress and self._run.commanded:  # it has locked the ports
+    def _find_owner(self) -> None:
+        if self._run.in_progress and self._run.commanded:  # the run has locked the ports
             self._stop_reads = 0
             self._set_owner(None)
         elif not self._reading:
@@ -73,11 +73,11 @@ class PortWatch(QObject):
             if stop_reads and self._owner is not None and self._owner.since <= self._stop_since:
                 self._stop_owner(self._owner)
             elif stop_reads > 1:
-                self._look()
+                self._find_owner()
             if previous is not None and stopping and self._owner != previous:
                 self.stopped.emit(Text.of("question.program_stopped", pid=previous.pid, user=previous.user))
             request = self._link.request
-            # the owner of a lock file without a readable owner may still be running
+            # a program that could not be identified may still be running
             known = self._run.fault is not None and self._run.fault.code == "connection.port_in_use"
             if owner is None and known and request is not None and request.station == station:
                 self.freed.emit()
@@ -88,14 +88,14 @@ class PortWatch(QObject):
             self._show_owner()
 
     def _stop(self) -> None:
-        """Stop the run of the owner, also of one that took the ports before a run that is being started here."""
+        """Stop the other program's run, even if it locked the ports just before a run that is being started here."""
         if self._run.elsewhere is None and not (self._run.in_progress and self._run.commanded):
             if self._owner is not None:
                 self._stop_owner(self._owner)
                 return
             self._stop_since = datetime.now(UTC).isoformat(timespec="seconds")
-            self._stop_reads = 1 + self._reading  # the present read may have begun before that program
-            self._look()
+            self._stop_reads = 1 + self._reading  # the current read may have begun before the other program
+            self._find_owner()
 
     def _stop_owner(self, owner: PortOwner) -> None:
         self._stop_reads, self._effect = 0, "stopping" if owner.stop() else "not_stopped"

@@ -16,7 +16,7 @@ from calstation.sequencer import Fault
 
 
 class ResetBar(QWidget):
-    """A bar whose button resets a latched fault of the table, and which shows the result.
+    """A bar with a button that resets a latched fault of the table, and with the result of the reset.
 
     `request` returns the link of the table, or None if there is none, and `name` is the object name of the button.
     Signals: `changed()` when a reset starts and after it has ended; `ended(result)` with a `TableReset`.
@@ -115,7 +115,7 @@ class TableNotice(QWidget):
     """
 
     def __init__(self, app: AppContext, prefix: str, parent: QWidget) -> None:
-        super().__init__(parent)  # without it, the notice would be shown as a window
+        super().__init__(parent)  # without a parent, the notice would be shown as a window
         self._app = app
         self._notice = NoticeBar(f"{prefix}table_notice")
         self.reset = ResetBar(app, self._request, f"{prefix}table_reset_button")

@@ -25,8 +25,7 @@ _ACTIVITY = (QEvent.Type.KeyPress, QEvent.Type.MouseButtonPress, QEvent.Type.Whe
 class RoleLock(QObject):
     """The current role, which is operator at the start.
 
-    The engineer role is locked when the person signs out, or when nobody has used the window for a while, but then not
-    while `busy` returns True.
+    The engineer role is locked when the person signs out, and after an idle time unless `busy` returns True.
     """
 
     changed = Signal(str)
@@ -36,7 +35,7 @@ class RoleLock(QObject):
         super().__init__(parent)
         self.role = "operator"
         self.person = ""  #: Name of the person who unlocked the engineer role.
-        self.badge = ""  #: Badge whose personal PIN unlocked it; "" for the PIN of the site.
+        self.badge = ""  #: Badge whose personal PIN unlocked the engineer role; "" for the PIN of the site.
         self._busy = busy
         self._idle = QTimer(self, singleShot=True, interval=60_000 * _IDLE_MINUTES)
         self._idle.timeout.connect(self._lock_idle)
@@ -108,7 +107,7 @@ class RoleLock(QObject):
 class RolePanel(QFrame):
     """Panel with a touch keypad that asks for a person and the PIN, and closes when the engineer role is unlocked.
 
-    The signal `closed` is emitted when it has been closed or cancelled.
+    The signal `closed` is emitted when the panel has been closed or cancelled.
     """
 
     closed = Signal()
@@ -120,7 +119,7 @@ class RolePanel(QFrame):
         self.setAutoFillBackground(True)
         self._role = role
         self._error_text = ""
-        self._signed_in = ""  #: Name or badge of the person whom unlocking has signed in.
+        self._signed_in = ""  #: Name or badge of the person who was signed in by unlocking the engineer role.
         self._title, self._text = label(kind="section"), label(wrap=True)
         self._error = label(kind="error", wrap=True)
         self._person_edit, self.pin_edit, self._again_edit = QLineEdit(), QLineEdit(), QLineEdit()
@@ -194,7 +193,7 @@ class RolePanel(QFrame):
         return keys
 
     def _type(self, text: str) -> None:
-        """Enter a key of the keypad into the field that has the focus, by default the first field."""
+        """Enter a key of the keypad into the repeated PIN if its field has the focus, otherwise into the PIN."""
         field = self._again_edit if self._again_edit.hasFocus() else self.pin_edit
         if text == "⌫":
             field.backspace()
@@ -211,7 +210,7 @@ class RolePanel(QFrame):
             self.pin_edit.setFocus()
 
     def _is_serial(self, text: str) -> bool:
-        """Return whether a text is a serial number of the product, but no badge and, having digits, no name."""
+        """Return whether a text contains a digit, matches the product's serial numbers, and is not a badge."""
         try:
             summary = run_summary(RunRequest("-", self._app.station_path, self._app.product_path))
         except CalstationError:
@@ -222,7 +221,7 @@ class RolePanel(QFrame):
         return digits and not badge and re.fullmatch(summary.serial_pattern, text) is not None
 
     def _pressed_enter(self) -> None:
-        """Confirm a PIN; a new one is confirmed by its button only, because scanners send Enter, too."""
+        """Confirm the PIN; only the button confirms a new PIN, because scanners also send Enter."""
         if not self._role.new:
             self._enter()
         elif self.pin_edit.hasFocus():
@@ -255,14 +254,14 @@ class RolePanel(QFrame):
             self._show_error(say(error.as_text))
 
     def _accept(self, person: str) -> None:
-        """Close the panel; the person who unlocked the role is the person at the window."""
+        """Close the panel, and sign in the person who unlocked the role."""
         self.hide()
         if person not in (self._app.badge, self._app.person if self._app.operator else None):
             self._app.identified.emit(person)
             self._signed_in = person
 
     def _role_changed(self, role: str) -> None:
-        """Sign out, with the engineer role, the person whom unlocking it has signed in."""
+        """When the engineer role is locked, sign out the person who was signed in by unlocking it."""
         person, self._signed_in = self._signed_in, "" if role == "operator" else self._signed_in
         if role == "operator" and person and person in (self._app.badge, self._app.operator):
             self._app.identified.emit("")

@@ -34,7 +34,7 @@ from calstation.sequencer import (
 _IN_PROGRESS = ("starting", "preparing", "running", "pausing", "paused", "stopping")
 #: States of the sequencer after a run or a register operation.
 _ENDED = ("stopped", "fault", "done")
-#: Verdicts of a run without a fault; the verdict of a run of several units is the first of theirs in this order.
+#: Verdicts of a run without a fault; the run's verdict is the first in this list that any unit has.
 _VERDICTS = (Verdict.STOPPED, Verdict.INCOMPLETE, Verdict.FAILED, Verdict.PARTIAL, Verdict.PASSED)
 #: Events that change the status of the run.
 _STATUS_EVENTS = (
@@ -71,22 +71,23 @@ class RunStatus(QObject):
         self.state = "idle"
         self.run_summary: RunSummary | None = None
         self.register_operation = False
-        #: Why the station and the product are not usable for the next run; None if they are.
+        #: Why the station and the product are not usable for the next run; None if they are usable.
         self.problem: Text | None = None
-        self.missing, self.asking = "", False  #: What an operator must do before the next run; whether it is to answer.
+        #: What an operator must do before the next run; whether a question to the operator is open.
+        self.missing, self.asking = "", False
         #: Symbol and text of the state of the IMUs that are monitored live, outside a run; None without monitoring.
         self.monitoring: tuple[str, Text] | None = None
         #: ``writing`` while registers are written, ``verifying`` until they are verified, then ``written``; "" before.
         self.registers = ""
         #: Whether a pause was requested that has not begun yet.
         self.pause_requested = False
-        #: Whether the units are complete and the table moves to its load position.
+        #: Whether calibration is complete and the table is moving to its load position.
         self.unloading = False
         #: Whether the sequencer may have moved the table; False while devices are opened and identified.
         self.commanded = False
         #: Serial numbers and state of the run in the first window of the station; None in that window.
         self.elsewhere: tuple[tuple[str, ...], str] | None = None
-        #: Which other program uses the devices of the station, with the effect of STOP on it; None without one.
+        #: Text about another program that uses the devices of the station, and the effect of STOP on it; None for none.
         self.program: Text | None = None
         #: Units of the run in the order of their slots.
         self.units: tuple[UnitStatus, ...] = (UnitStatus(""),)
@@ -95,24 +96,22 @@ class RunStatus(QObject):
         #: Latest message ("message", id, values) or step ("step", kind, label), or the stage that is being solved
         #: ("solving", stage, None); a dwell has the label of its move.
         self.latest: tuple[str, str, Any] | None = None
-        #: Whether a run that ends early now can be resumed after a stage or temperature that need not be repeated.
+        #: Whether the run, if it ended now, could be resumed after a completed stage or temperature.
         self.resumable = False
-        #: Whether a command of the safe stop failed, so that the table may still move; until its fault is reset.
+        #: Whether a command of the safe stop failed, so that the table may still be moving; False after a reset.
         self.stop_incomplete = False
         #: Latched fault of the table that was acknowledged but not reset, until it is reset or a run starts.
         self.unreset: Fault | None = None
-        self.table = TableStatus()
-        #: State of the chamber of a run over temperature.
-        self.chamber = ChamberStatus()
-        #: Station time since which the chamber goes to the temperature at which registers are verified, s, or None.
+        self.table, self.chamber = TableStatus(), ChamberStatus()
+        #: Station time at the start of the soak before the verification of registers, s; None outside this soak.
         self._soaks_from: float | None = None
         #: Name of the stage that the operator has ended early; kept until the next run.
         self.stage_ending = ""
         #: Fault of the last run until `acknowledge` is called.
         self.fault: Fault | None = None
-        #: Whether interrupted runs are looked for after the start of the window, before which no run can start.
+        #: Whether the search for interrupted runs after startup is in progress; no run can start until it ends.
         self.reading_runs = False
-        #: State before the fault, in which the run continues if its engine responds again.
+        #: State before the fault, to which the run returns if its engine responds again.
         self._before_fault = ""
         #: Host time at the start of the first stage, s, and completed device time at that time, s.
         self._started_at = self._done_before = 0.0
@@ -150,7 +149,7 @@ class RunStatus(QObject):
 
     @property
     def slots(self) -> tuple[str, ...]:
-        """Names of all slots of the table in order, also of those without a unit; () for a single unit."""
+        """Names of all slots of the table in order, including empty slots; () at a station for a single unit."""
         return self.run_summary.slots if self.in_slots and self.run_summary is not None else ()
 
     @property
@@ -266,7 +265,7 @@ class RunStatus(QObject):
         self._set("elsewhere", elsewhere)
 
     def set_program(self, program: Text | None) -> None:
-        """Set which other program uses the devices of the station, or None."""
+        """Set the text about another program that uses the devices of the station, or None."""
         self._set("program", program)
 
     def set_monitoring(self, monitoring: tuple[str, Text] | None) -> None:
@@ -301,7 +300,7 @@ class RunStatus(QObject):
         return bool(units) and all(unit.failing for unit in units)
 
     def end_failing(self) -> None:
-        """End the run of units that will fail after the current step; they are judged from their solved stages."""
+        """End the run after the current step if all units will fail; they are judged by their solved stages."""
         self._link.send(Command.END_FAILING)
 
     def acknowledge(self) -> None:
@@ -321,14 +320,14 @@ class RunStatus(QObject):
         self.changed.emit()
 
     def set_stop_incomplete(self, incomplete: bool) -> None:
-        """Set whether the table may still move after a safe stop, which a reset of its fault excludes."""
+        """Set whether the table may still be moving after a safe stop; resetting the fault clears this."""
         if incomplete != self.stop_incomplete:
             self.stop_incomplete = incomplete
             self.stop_incomplete_changed.emit(incomplete)
             self.changed.emit()
 
     def set_unreset(self, fault: Fault | None) -> None:
-        """Set the latched fault of the table that remains to be reset, None for none."""
+        """Set the latched fault of the table that remains to be reset, or None."""
         self._set("unreset", fault)
 
     def set_chamber_left(self, left: bool | None) -> None:
@@ -337,11 +336,11 @@ class RunStatus(QObject):
         self.changed.emit()
 
     def set_reading_runs(self, reading: bool) -> None:
-        """Set whether interrupted runs are looked for after the start of the window."""
+        """Set whether the search for interrupted runs after startup is in progress."""
         self._set("reading_runs", reading)
 
     def _set(self, name: str, value: object) -> None:
-        """Set an attribute, and report a change."""
+        """Set an attribute, and emit `changed` if its value is new."""
         if value != getattr(self, name):
             setattr(self, name, value)
             self.changed.emit()
@@ -368,7 +367,7 @@ class RunStatus(QObject):
 
     @property
     def occupied(self) -> Text | None:
-        """Which other window or program of this computer uses the station, so that no run can start, or None."""
+        """Text about another window or program on this computer that uses the station, so that no run can start."""
         return self.other_program if self.elsewhere is None else Text("question.other_window")
 
     @property
@@ -388,7 +387,7 @@ class RunStatus(QObject):
         return next((code for code, holds in reasons.items() if holds), "")
 
     def why_no_run(self, *, engineer: bool) -> str:
-        """Return why no run may start with the station and the product, to an engineer or an operator, or ""."""
+        """Return what to do before a run can start, worded for an engineer or an operator; "" if it can start."""
         if self.problem is not None:
             return rendered(self.problem, engineer=engineer).remedy
         return say(self.why_not_start)
@@ -470,7 +469,7 @@ class RunStatus(QObject):
         self._changed_timer.start()
 
     def _show_soak_to_verify(self, event: ChamberChanged) -> None:
-        """Show the progress of the soak before the verification of registers, which is in no stage."""
+        """Show the progress of the soak before the verification of registers; the soak belongs to no stage."""
         if self.latest is None or self.latest[:2] != ("step", "soak_to_verify"):
             self._soaks_from = None
             return
@@ -493,7 +492,7 @@ class RunStatus(QObject):
         return True
 
     def _measure_pause(self) -> None:
-        """Measure the host time of pauses, which do not make a run slower."""
+        """Measure the host time of pauses, which `pace` excludes."""
         now, paused = time.monotonic(), self.state in ("pausing", "paused")
         if paused and not self._paused_at:
             self._paused_at = now

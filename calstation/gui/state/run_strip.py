@@ -50,7 +50,7 @@ class RunStrip(QWidget):
         on_language_change(self, self._refresh)
 
     def show_idle(self, text: str, *, ready: bool) -> None:
-        """Show a text about the next run while there is no run; if it is not `ready`, why it cannot start."""
+        """While there is no run, show a text about the next run, or why it cannot start if it is not `ready`."""
         if (text, ready) != (self._idle, self._ready):
             self._idle, self._ready = text, ready
             self._refresh()
@@ -75,7 +75,7 @@ class RunStrip(QWidget):
             parts = [idle]
         if not parts and run.display_state == "not_ready" and run.problem is not None:
             parts = [rendered(run.problem, engineer=False).remedy]
-        self._text.setWordWrap(not run.in_progress)  # where the bar would be
+        self._text.setWordWrap(not run.in_progress)  # also below the text while the bar is hidden
         show_text(self._text, "  ·  ".join(parts))
         self._bar.setVisible(run.in_progress)
         self._bar.setValue(round(STEPS * run.fraction))
@@ -98,10 +98,10 @@ def _units_text(serials: Sequence[str]) -> str:
 def run_badge(run: RunStatus) -> tuple[str, str]:
     """Return the shape and the text of the badge of a run.
 
-    In another window of the station, it is the run of the first one. Another program that uses the station comes
-    before the last run. The text states whether a run in progress is partial. After a run of several units, it counts
-    the outcomes, and the shape is that of the worst. A table that may still move and a chamber that must stay closed
-    come first.
+    A table that may still be moving and a chamber that must stay closed take precedence. Other windows of the station
+    show the run of the first window. Another program that uses the station takes precedence over the last run. The text
+    states whether a run in progress is partial. After a run of several units, the text counts the outcomes, and the
+    shape is that of the worst outcome.
     """
     kind, text = _state_badge(run)
     if run.stop_incomplete:
@@ -113,7 +113,7 @@ def run_badge(run: RunStatus) -> tuple[str, str]:
 
 
 def _state_badge(run: RunStatus) -> tuple[str, str]:
-    """Return the shape and the text of the badge of a run without its chamber."""
+    """Return the shape and the text of the badge of a run, regardless of the table and the chamber."""
     if run.elsewhere is not None and not run.in_progress:
         serials, elsewhere = run.elsewhere
         text = "  ·  ".join([_units_text(serials), term("badge", elsewhere)] if serials else [term("badge", elsewhere)])
@@ -137,7 +137,7 @@ class EndStageButton(QPushButton):
     """A button that ends the current stage after its move, visible during a run if `allowed` returns True."""
 
     def __init__(self, run: RunStatus, name: str, parent: QWidget, allowed: Callable[[], bool] = lambda: True) -> None:
-        super().__init__(parent)  # without it, the button would be shown as a window if it is created during a run
+        super().__init__(parent)  # without a parent, a button created during a run would be shown as a window
         self._run, self._allowed = run, allowed
         self.setObjectName(name)
         self.setVisible(False)

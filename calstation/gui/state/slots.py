@@ -18,7 +18,7 @@ class EarlierRuns:
 
     count: int = 0
     passed: bool = False  #: Whether the unit passed one of them.
-    failed: bool = False  #: Whether the unit failed the last of them with a verdict.
+    failed: bool = False  #: Whether the last of them that passed or failed the unit failed it.
 
     @classmethod
     def of(cls, history: History, serial: str) -> "EarlierRuns":
@@ -27,7 +27,7 @@ class EarlierRuns:
 
     @property
     def note(self) -> Text:
-        """The note on the accepted unit."""
+        """The note shown when the unit has been accepted."""
         code = "operator.attempt_passed" if self.passed else "operator.attempt" if self.count else "operator.accepted"
         return Text.of("operator.attempt_failed" if self.failed else code, count=self.count + 1)
 
@@ -84,7 +84,7 @@ class Slots(QObject):
 
     @property
     def next(self) -> Slot | None:
-        """The slot for the next scan: `marked`, or the first with a suggested or left-out unit, which it replaces."""
+        """The slot for the next scan: `marked`, or the first with a suggested or left-out unit, which is replaced."""
         return self.marked or next((slot for slot in self._slots if slot.suggested or slot.left_out), None)
 
     def last(self, serial: str) -> str:
@@ -92,7 +92,7 @@ class Slots(QObject):
         return next((name for name, last in self.last_units.items() if last[0] == serial), "")
 
     def free(self, name: str) -> Slot | None:
-        """Return a slot for a scanned unit, or None if it is not free or another is selected."""
+        """Return the named slot if a scan can fill it and no slot is selected, otherwise None."""
         free = [slot for slot in self._slots if slot.open or slot.suggested or slot.left_out]
         return None if self._chosen is not None else next((slot for slot in free if slot.name == name), None)
 
@@ -144,7 +144,7 @@ class Slots(QObject):
         self.changed.emit()
 
     def leave_out_others(self) -> None:
-        """Note that the units of the last run in the slots without a unit have not been removed."""
+        """Mark the slots that still contain a unit of the last run but have no unit for the next run as left out."""
         for slot in self._slots:
             slot.left_out = slot.last is not None and not slot.serial
         self.changed.emit()
@@ -161,7 +161,7 @@ class Slots(QObject):
         self.changed.emit()
 
     def set_skipped(self, slot: Slot, *, skipped: bool) -> None:
-        """Set whether scans skip an empty slot, whose last unit has been removed."""
+        """Set whether scans skip an empty slot; a skipped slot no longer contains its last unit."""
         slot.skipped = skipped
         if skipped:
             slot.last = None
@@ -188,7 +188,7 @@ class Slots(QObject):
         self.changed.emit()
 
     def remove_units(self, *, only_suggested: bool = False) -> None:
-        """Remove all units and skip no slot any longer, or remove only suggested units."""
+        """Remove all units and stop skipping slots, or remove only suggested units."""
         for slot in self._slots:
             if slot.suggested or not only_suggested:
                 slot.serial, slot.suggested = "", False

@@ -1,4 +1,4 @@
-"""The windows of a station on this computer, of which only the first one starts runs."""
+"""The windows of a station on this computer; only the first one starts runs."""
 
 import hashlib
 import json
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 #: Maximum time for the connection to the first window, ms; the operating system accepts it at once.
 _CONNECTION_TIMEOUT_MS = 500
 
-#: Message of another window that stops the run of the first one.
+#: Message with which another window stops the run of the first window.
 _STOP = b"stop\n"
 
 
 class StationWindows(QObject):
     """The link between the windows of a station, to which only windows of the same user of the computer can connect.
 
-    The first window serves the others; they adopt its unit and state as `RunStatus.elsewhere`, send it their STOP, and
-    one of them takes its place when it is closed. `changed` is emitted when this window becomes the first or another
-    one.
+    The first window sends its units and state to the others, which show them as `RunStatus.elsewhere` and pass STOP on
+    to the first window. When the first window is closed, another one becomes the first. `changed` is emitted when this
+    window becomes the first or ceases to be the first.
     """
 
     changed = Signal()
@@ -45,12 +45,12 @@ class StationWindows(QObject):
         run.stop_pressed.connect(self._send_stop)
 
     def join(self, station: "Path | None") -> None:
-        """Join the windows of a station file, by default of the virtual bench."""
+        """Join the windows of a station file; None for the virtual bench."""
         from PySide6.QtNetwork import QLocalServer, QLocalSocket  # imported after the first paint
 
         path = station or library.find("stations", DEFAULT_STATION)
         key = f"{library.site_folder().absolute()}\n{path.absolute()}".encode()
-        folder = QStandardPaths.writableLocation(QStandardPaths.StandardLocation.RuntimeLocation)  # of the user
+        folder = QStandardPaths.writableLocation(QStandardPaths.StandardLocation.RuntimeLocation)  # only of this user
         name = f"{folder}/calstation-{hashlib.sha256(key).hexdigest()[:24]}"
         if name == self._name:
             return
@@ -65,7 +65,7 @@ class StationWindows(QObject):
             self._run.set_elsewhere(((), "idle"))
             self.changed.emit()
             return
-        QLocalServer.removeServer(name)  # of a window that was killed
+        QLocalServer.removeServer(name)  # left by a window that was killed
         self._server = QLocalServer(self)
         self._server.setSocketOptions(QLocalServer.SocketOption.UserAccessOption)
         self._server.newConnection.connect(self._accept)

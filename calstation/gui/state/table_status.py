@@ -8,9 +8,9 @@ class TableStatus:
 
     def __init__(self) -> None:
         self.stopped = False
-        #: Whether the engine has confirmed a stop; it then shows the table again after the safe stop.
+        #: Whether the engine has confirmed a stop; after the safe stop, it sends the state of the table once more.
         self._stopping = False
-        self._moving = True  #: Whether the table moved when it was last shown, or has not been shown yet.
+        self._moving = True  #: Whether the table was moving at its last event; True before the first event.
 
     def handle_event(self, event: Event) -> None:
         """Process an event; the sequencer is ``stopped`` or in ``fault`` only after its safe stop."""

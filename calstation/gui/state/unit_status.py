@@ -53,11 +53,11 @@ TRANSFER = "transfer"
 #: Messages that start and end the transfer.
 _TRANSFER_STARTS = ("registers_reading", "registers_transfer", "registers_writing")
 _TRANSFER_ENDS = ("registers_written", "registers_proved", "registers_read_back")
-#: Least fraction left from which the planned duration of a stage is calculated, because of rounding.
-_LEAST_LEFT = 1e-6
+#: Minimum remaining fraction from which the planned duration of a stage is calculated, because of rounding.
+_MIN_REMAINING = 1e-6
 #: Tolerance for the durations of stages, s.
 _TOLERANCE = 0.1
-#: Time per move of the verification, which has 17 moves or, with repetitions, more, s.
+#: Time per move of the verification, s; there are 17 moves, and more if some are repeated.
 _VERIFICATION_STEP = DURATION / 18.0
 
 
@@ -67,7 +67,7 @@ class StageState:
 
     name: str
     duration: float  #: Planned duration or, after the motion, actual duration, s of device time.
-    #: waiting, active, solving, good, bad, outside (a value exceeds its limit), stopped, fault, or kept (not written).
+    #: waiting, active, solving, good, bad, failed (a value exceeds its limit), stopped, fault, or kept (not written).
     state: str = "waiting"
     fraction: float = 0.0
     remaining: float = 0.0  #: Remaining device time, s.
@@ -82,20 +82,20 @@ class StageState:
         self.fraction, self.remaining, self.earlier = 0.0, self.duration, 0.0
 
     def progress(self, fraction: float, remaining: float) -> None:
-        """Adopt the progress within the duration that is planned now.
+        """Adopt the progress within the currently planned duration.
 
-        The duration changes with the time that soaks are expected to take, is extended if the targets have not been
-        reached, and starts again with every round of an open-ended stage.
+        The duration changes with the expected time of soaks, is extended if the targets have not been reached, and
+        starts again with every round of an open-ended stage.
         """
         before = self.fraction * self.duration
-        if 1.0 - fraction > _LEAST_LEFT:
+        if 1.0 - fraction > _MIN_REMAINING:
             self.duration = remaining / (1.0 - fraction)
         if fraction * self.duration < before - _TOLERANCE:
             self.earlier += before
         self.fraction, self.remaining = fraction, remaining
 
     def end(self, state: str) -> None:
-        """Adopt a new state at the end of the motion, whose duration is then known, also if it ended early."""
+        """Adopt a new state and the actual duration at the end of the motion, even if it ended early."""
         self.state, self.duration, self.remaining = state, self.duration - self.remaining, 0.0
 
     def solve(self, state: str) -> None:
@@ -126,7 +126,7 @@ class UnitStatus:
     sigma: dict[str, float] = field(default_factory=dict)  #: Largest sigma of each parameter group, SI units.
     #: Ids and values of the messages that are shown again with the verdict.
     remarks: list[tuple[str, Mapping[str, Any]]] = field(default_factory=list)
-    failing: bool = False  #: Whether the unit will fail, whatever the remaining stages give.
+    failing: bool = False  #: Whether the unit will fail, regardless of the remaining stages.
     fault: Fault | None = None  #: Fault of the unit or of the table, at a station with several slots.
     finalized: Finalized | None = None
     result: Result | None = None  #: Result with the verdict.
@@ -219,7 +219,7 @@ class UnitStatus:
                             row.state = "failed"
 
     def soak_to_verify(self, elapsed: float, remaining: float) -> None:
-        """Adopt the times of the soak at which the transfer begins, s."""
+        """Adopt the elapsed and remaining time, s, of the soak with which the transfer begins."""
         row, left = self._row(TRANSFER), remaining + DURATION
         if row.state == "active":
             row.progress(elapsed / (elapsed + left), left)

@@ -43,7 +43,7 @@ _MAX_NAMES = 3
 #: Smallest and largest value that is shown as a number.
 _SMALLEST, _LARGEST = 1e-6, 1e9
 
-#: Display unit and its size by the unit of a check that does not compare a parameter; an angle of 1° or more is in °.
+#: Display unit and its size for each unit of a check that does not compare a parameter; large angles are in °.
 _DISPLAY_UNITS = {"m/s²": ("µg", MICRO_G), "rad": ("″", ARCSECOND), "sigma": ("σ", 1.0), "1": ("", 1.0)}
 
 
@@ -105,13 +105,13 @@ def parameter_text(name: str) -> str:
 
 
 def limit_text(*checks: Check) -> Text:
-    """Return the name of the limit of checks: the acceptance limit if the decision rule narrowed that of any."""
+    """Return the heading for the limits of checks, "acceptance limit" if the decision rule narrowed one of them."""
     guarded = any(check.acceptance is not None for check in checks)
     return Text("common.acceptance_limit_column" if guarded else "common.limit_column")
 
 
 def limit_ratio(check: Check | None) -> float:
-    """Return the ratio of the value of a check to its limit, or 0 without a value."""
+    """Return the ratio of a check's value to its limit, relative to the middle of an interval; 0 without a value."""
     if check is None or math.isnan(check.value):
         return 0.0
     limit = check.compared_with
@@ -122,9 +122,9 @@ def limit_ratio(check: Check | None) -> float:
 
 
 def check_names(checks: Iterable[Check]) -> str:
-    """Return the names of up to three checks, those nearest to or furthest outside their limits, and the rest's number.
+    """Return the names of the three checks with the largest `limit_ratio`, and the number of the other checks.
 
-    A check of a parameter has its name, followed by σ for its sigma.
+    A check of a parameter is named after the parameter, with σ appended if the check compares its sigma.
     """
     names = list(dict.fromkeys(map(_brief_name, sorted(checks, key=limit_ratio, reverse=True))))
     text = say("common.comma").join(names[:_MAX_NAMES])
@@ -188,7 +188,7 @@ def _unit(check: Check) -> tuple[str, float]:
 
 
 def _number(value: float, size: float, *limits: float | tuple[float, float]) -> str:
-    """Format a value in a unit of the given size, without an exponent, so that it agrees with its limits."""
+    """Format a value in a unit of the given size, without an exponent, on the correct side of its limits."""
     if not math.isfinite(value):
         return "–"
     shown = value / size
@@ -210,7 +210,7 @@ def _limit(limit: float | tuple[float, float], size: float, value: float) -> str
     if not isinstance(limit, tuple):
         return f"≤ {with_minus(limit_number(limit, size, value)) if math.isfinite(limit) else '–'}"
     low, high = limit
-    if low > high:  # the guard band leaves nothing
+    if low > high:  # the guard bands overlap, so that no value is accepted
         return "–"
     low_text, high_text = limit_numbers(limit, size, value)
     if low == -high:

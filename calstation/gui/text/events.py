@@ -6,13 +6,12 @@ from calstation.sequencer import Event, Fault, Finalized, Message, StageEnded, S
 
 _CONSISTENCY = {True: "solved", False: "inconsistent", None: "solved_unjudged"}
 
-
-#: Code of the fault of an engine that does not respond; an event that follows shows that it responds again.
+#: Code of the fault of an engine that does not respond; a later event shows that the engine responds again.
 _SILENT = "run.engine_silent"
 
 
 def event_line(event: Event, *, followed: bool = False) -> tuple[str, str]:
-    """Return the badge shape ("" for none) and the sentence of an event; the sentence of a mere detail is "".
+    """Return the badge shape ("" for none) and the sentence of an event ("" if the event is only a detail).
 
     `followed` states whether the engine has sent another event afterwards.
     """

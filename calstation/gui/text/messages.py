@@ -17,7 +17,7 @@ from calstation.messages import Rendered, Text, known, rendering, step_text
 from calstation.messages import with_minus as with_minus
 from calstation.sequencer import Fault
 
-#: Source of a text: a code of the catalogue, a message, or a function that returns the text; "" is no text.
+#: Source of a text: a code of the catalogue, a message, or a function that returns the text; "" for no text.
 Words = str | Text | Callable[[], str]
 
 #: Messages that name a file or an entry of a file before the message `what`.
@@ -72,7 +72,7 @@ def say(words: Words, /, **values: Any) -> str:
 def rendered(message: Text, *, engineer: bool = True) -> Rendered:
     """Render a message in the current language; the `remedy` of a question is its explanation.
 
-    Unless it is for an `engineer`, remedies name no entries of profiles and files.
+    Unless the message is for an `engineer`, its remedy does not name entries of profiles or files.
     """
     return rendering.render(message.code, message.values, language.current(), window=True, operator=not engineer)
 
@@ -83,7 +83,7 @@ def term(family: str, name: str, **values: Any) -> str:
 
 
 def about(kind: str, name: str) -> str:
-    """Return what a ``stage``, a ``check`` or a ``column`` of a table is, or "" if the catalogue does not say it."""
+    """Return the explanation of a ``stage``, a ``check`` or a table ``column``, or "" if the catalogue has none."""
     codes = (f"about.{kind}_{name}", f"certificate.{kind}_{name}")
     return next((say(code) for code in codes if known(code)), "")
 
@@ -96,9 +96,9 @@ def step_sentence(kind: str, label: tuple[str | float, ...]) -> str:
 
 
 def fault_text(fault: Fault, *, engineer: bool = True) -> Rendered:
-    """Render the fault of a run, or return its text if it has no code, as for a programming error.
+    """Render the fault of a run; a fault without a code, such as a programming error, keeps its text.
 
-    Unless it is for an `engineer`, it contains no names of files and keys.
+    Unless the text is for an `engineer`, it does not name files or keys.
     """
     if not fault.code:
         return Rendered("", fault.text, "", language.current())
@@ -126,7 +126,7 @@ def for_operator(message: Text) -> Text | None:
 
 
 def engineer_corrects(message: Text) -> Text:
-    """Return the remedy of a message about an entry of a file: where an engineer corrects it, or confirms the site."""
+    """Return the remedy for a message about a file entry: an engineer corrects the file, or confirms the site."""
     what = message
     while what.code in _ABOUT_FILES and isinstance(inner := what.values["what"], Text):
         what = inner
@@ -144,7 +144,7 @@ def without_minus(text: str) -> str:
 
 
 def duration_text(seconds: float, *, tenths: bool = False) -> str:
-    """Format a duration, s, as ``m:ss`` or ``h:mm:ss``, with ``tenths`` of a second if they are asked for."""
+    """Format a duration, s, as ``m:ss`` or ``h:mm:ss``, optionally with `tenths` of a second."""
     count = max(0, round(10.0 * seconds if tenths else seconds))
     whole, tenth = divmod(count, 10) if tenths else (count, 0)
     minutes, rest = divmod(whole, 60)
@@ -159,7 +159,7 @@ def schedule_text(name: str, stage: str) -> str:
 
 
 def sigmas_text(sigmas: float) -> str:
-    """Return a difference in sigmas with its sign, which a difference that is rounded to zero does not have."""
+    """Format a difference in sigmas with its sign; a difference that is rounded to zero has no sign."""
     text = f"{sigmas:+.2f}"
     return text if float(text) else text[1:]
 
@@ -193,7 +193,7 @@ def _product_name(file: Path) -> str:
 
 
 class _Binding(QObject):
-    """A binding that calls `show` at once and after each change of language, until its owner is destroyed."""
+    """Calls `show` at once and after each change of language, until its owner is destroyed."""
 
     def __init__(self, owner: QObject, show: Callable[[], Any]) -> None:
         super().__init__(owner)
