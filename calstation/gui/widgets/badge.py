@@ -157,7 +157,7 @@ class StateIcon(QWidget):
 class StateBadge(QWidget):
     """The symbol and the word of a state, side by side.
 
-    If there is not enough room, words that `wrap` take several lines, and those that are `elided` are shortened.
+    If there is not enough space, the word takes several lines if `wrap`, and is shortened if `elided`.
     """
 
     def __init__(self, size: int = theme.BODY, name: str = "", *, wrap: bool = False, elided: bool = False) -> None:

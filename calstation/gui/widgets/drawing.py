@@ -59,7 +59,7 @@ def screen(point: FloatArray) -> QPointF:
 
 
 def apart(points: FloatArray, distance: float) -> FloatArray:
-    """Return points on the screen, shape (n, 2), of which each pair that is closer than a distance is moved apart."""
+    """Return points, shape (n, 2), after moving apart each pair that is closer than `distance`."""
     moved = np.array(points)
     for i in range(len(moved)):
         for j in range(i):

@@ -1,6 +1,6 @@
 """File dialogs that leave the rest of the window usable, so that STOP works while one is open.
 
-The dialogs of the platform block the window, and so do the questions of `QFileDialog`, which this dialog asks itself.
+The platform's dialogs and the questions of `QFileDialog` block the window; `FileDialog` asks these questions itself.
 """
 
 import re

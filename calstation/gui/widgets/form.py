@@ -30,7 +30,7 @@ from calstation.schema import KeyPath, Problem, value_at
 class FormValues(QObject):
     """The values of a form: the stored values, the edited `values`, and the problems that `check` finds in them.
 
-    An edit replaces `values`, so that whoever keeps them can compare them with later ones.
+    An edit replaces the mapping `values`, so that a caller can keep it and compare it with later values.
     """
 
     changed = Signal()
@@ -165,7 +165,7 @@ class NameBar(QFrame):
     Parameters
     ----------
     names
-        Object names of the input, of the button that accepts the name, and of the one that cancels.
+        Object names of the input, of the button that accepts the name, and of the Cancel button.
     caption, words
         The label of the input, and the text of the button.
     others

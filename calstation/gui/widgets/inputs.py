@@ -36,7 +36,7 @@ class TextEdit(QLineEdit):
 
 #: Minimum length of a serial number that is recognised next to another one.
 _MIN_NUMBER = 3
-#: Minimum length of a number that is twice in a text which is itself a valid number.
+#: Minimum length of a number whose repetition counts as two scans even if the whole text is a valid number.
 _MIN_REPEATED = 6
 #: Content of the code of a label: the serial number and, after a space, the certificate number, which begins with it.
 _LABEL = re.compile(r"(?P<serial>.+) (?P=serial)_\d{8}T")
@@ -65,13 +65,13 @@ class ScanEdit(QLineEdit):
         self._number = ""
 
     def keep(self) -> None:
-        """Take the text for a complete serial number."""
+        """Treat the text as a complete serial number."""
         self._number = self.text().strip()
 
     def holds_two(self, valid: Callable[[str], bool]) -> bool:
-        """Return whether the text is two serial numbers, for which `valid` returns True, without a space or with one.
+        """Return whether the text consists of two serial numbers that `valid` accepts, with or without a space.
 
-        If the whole text is also valid, one of them is the previous number, or both are the same long number.
+        If the whole text is also valid, one of them must be the previous number, or both must be the same long number.
         """
         text = self.text().strip()
         splits = range(_MIN_NUMBER, len(text) - _MIN_NUMBER + 1)
@@ -132,7 +132,7 @@ class NumberEdit(TextEdit):
 
 
 class CountEdit(NumberEdit):
-    """An input for an integer between two limits, which keeps every typed text; `check` explains a wrong one.
+    """An input for an integer between two limits; it accepts any text, and `check` explains what is wrong with it.
 
     `words` is the code of its caption.
     """
@@ -146,11 +146,11 @@ class CountEdit(NumberEdit):
         self.typed.connect(lambda: theme.set_invalid(self, invalid=False))
 
     def check(self) -> Text | None:
-        """Return why the text is not an integer between the limits, and mark it until it is edited, or return None."""
+        """Mark a text that is not an integer between the limits until it is edited, and return why; otherwise None."""
         number, (low, high) = self.value(), self._limits
-        right = isinstance(number, int) and low <= number <= high
-        theme.set_invalid(self, invalid=not right)
-        if right:
+        valid = isinstance(number, int) and low <= number <= high
+        theme.set_invalid(self, invalid=not valid)
+        if valid:
             return None
         what = Text(self._words)
         return Text.of("form.wrong_count", what=what, typed=self.text().strip(), low=low, high=high)
@@ -201,10 +201,10 @@ class FlagBox(QCheckBox):
 
 
 class LimitedSpin(QDoubleSpinBox):
-    """A number input without buttons that keeps its value, and emits `rejected(text)`, if another text is entered.
+    """A number input without buttons that keeps its value, and emits `rejected(text)`, if a wrong text is entered.
 
-    Every text can be typed, because a number whose last digit is ignored is another number. A rejected text remains in
-    the input until it is corrected, so that the value is not taken for what was entered; then `rejected("")` follows.
+    Any text can be typed, because ignoring a digit would change the number. A rejected text remains in the input until
+    it is corrected, so that nobody mistakes the value for the entered number; then `rejected("")` is emitted.
     """
 
     rejected = Signal(str)
@@ -223,7 +223,7 @@ class LimitedSpin(QDoubleSpinBox):
         self.editingFinished.connect(self._check_entered)
 
     def validate(self, text: str, position: int) -> Any:
-        """Return whether a text is acceptable; other texts may be typed, but are not entered."""
+        """Return whether a text is acceptable; other texts can be typed but not entered."""
         state, *others = super().validate(text, position)
         invalid = state == QValidator.State.Invalid
         return (QValidator.State.Intermediate if invalid else state, *others)

@@ -135,7 +135,7 @@ class JobRow(QWidget):
             self.remaining_label.setText(f"{percent}, {remaining}")
         self.bar.setAccessibleName(self.remaining_label.text())
         for text_label, width in ((self._text_label, _TEXT_WIDTH), (self.remaining_label, _REMAINING_WIDTH)):
-            text_label.setMinimumWidth(max(width, text_label.sizeHint().width()))  # the bar gives way, not a text
+            text_label.setMinimumWidth(max(width, text_label.sizeHint().width()))  # the bar shrinks, not a text
 
 
 class JobStack(QStackedWidget):

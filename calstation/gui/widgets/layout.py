@@ -1,4 +1,4 @@
-"""Functions that build layouts, labels, buttons, bars and file dialogs, whose texts change with the language."""
+"""Functions and classes for layouts, labels, buttons, inputs and tabs, whose texts change with the language."""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -49,7 +49,7 @@ Data = TypeVar("Data")
 
 
 class PlainLabel(QLabel):
-    """A label that shows its text as it is, even if Qt would take it for rich text."""
+    """A label that shows its text unchanged, even if the text looks like rich text."""
 
     def __init__(self, text: str = "") -> None:
         super().__init__()
@@ -154,7 +154,7 @@ class DataView(Generic[Data]):
         self.refresh()
 
     def refresh(self) -> None:
-        """Draw the current data again, if there are any."""
+        """Draw the current data again, if any."""
         if self.data is not None:
             self.draw(self.data)
 
@@ -279,7 +279,7 @@ def line_edit(
 def combo_box(name: str, items: Mapping[Any, Words] = {}, *, fit: bool = False, characters: int = 0) -> QComboBox:
     """Create a combo box; `items` maps the data of its items to their texts.
 
-    It is as wide as its longest item if `fit`, otherwise as wide as the number of `characters` unless this is 0.
+    The box is as wide as its longest item if `fit`, otherwise as wide as that number of `characters` unless this is 0.
     """
     combo = QComboBox()
     combo.setObjectName(name)
@@ -322,9 +322,9 @@ def show_text(target: QLabel, text: str) -> None:
 
 
 def lay_out(*widgets: QWidget) -> None:
-    """Lay out widgets, inner ones first, then those around the last one.
+    """Activate the layouts of widgets, inner ones first, then those of the parents of the last widget.
 
-    Until the layout has followed a change of texts, frames would show them in the space of the previous ones.
+    Otherwise, new texts would briefly be shown in the space of the previous texts.
     """
     for widget in widgets:
         around: QWidget | None = widget
@@ -350,14 +350,14 @@ def enable(widget: QWidget, why_not: str, tip: str = "") -> None:
     widget.setToolTip(plain_tip(why_not or tip))
 
 
-#: Width that a word which does not fit may leave free at the end of a line, px.
+#: Width that may remain free at the end of a line because the next word does not fit, px.
 _WORD_WIDTH = 10 * theme.GRID
 
 
 class ElidedLabel(PlainLabel):
-    """A line of text that is shortened at the end, or elsewhere, if it is too long; the tooltip shows all of it.
+    """A line of text that is shortened as `mode` states if it is too long; the tooltip shows the whole text.
 
-    With word wrap, it takes up to two lines before it is shortened.
+    With word wrap, the text takes up to two lines before it is shortened.
     """
 
     def __init__(self, kind: str = "", mode: Qt.TextElideMode = Qt.TextElideMode.ElideRight) -> None:
@@ -385,7 +385,7 @@ class ElidedLabel(PlainLabel):
         painter.drawText(self.rect(), int(self.alignment()) | wrap, self.shortened())
 
     def heightForWidth(self, width: int) -> int:
-        """Return the height of one line or, with word wrap, of the needed lines, at most two."""
+        """Return the height of one line or, with word wrap, of up to two lines."""
         return min(super().heightForWidth(width), 2 * self.fontMetrics().lineSpacing())
 
     def shortened(self) -> str:

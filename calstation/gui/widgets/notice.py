@@ -17,9 +17,9 @@ from calstation.gui.widgets.layout import button, clear, column, label, row, sho
 
 @dataclass(frozen=True)
 class Choice:
-    """A reply to a question: object name and text of its button, its action, and whether the button has the focus.
+    """An answer to a question: object name and text of its button, its action, and whether the button gets the focus.
 
-    A `safe` reply confirms nothing; it has the focus whenever the page of the question is shown again.
+    A `safe` answer confirms nothing; its button gets the focus whenever the page of the question is shown again.
     """
 
     name: str
@@ -42,7 +42,7 @@ class NoticeBar(QFrame):
         self._title: Words = ""
         self._text: Words = ""
         self._choices: Sequence[Choice] = ()
-        self._opening = False  #: Whether `ask` shows the bar, not its page.
+        self._opening = False  #: Whether the bar is being shown by `ask`, not by a change of the page.
         self._choice_buttons: dict[str, QPushButton] = {}
         self._icon = StateIcon(28)
         self.title_label, self.text_label = label(kind="section", wrap=True), label(wrap=True)
@@ -123,7 +123,7 @@ class NoticeBar(QFrame):
             self.button(choice.name).setText(say(choice.words))
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Focus the safe answer, or else no button, when the page of an open question is shown."""
+        """Focus the safe answer or, if there is none, no button when the page of an open question is shown."""
         super().showEvent(event)
         if self._choices and not (self._opening or event.spontaneous()):
             safe = next((self.button(choice.name) for choice in self._choices if choice.safe), None)

@@ -219,7 +219,7 @@ class ParameterTable(QTableView):
         theme.on_appearance_change(self, model.refresh)
 
     def fit_columns(self) -> None:
-        """Fit the columns to their contents, and distribute the free width or narrow the widest columns.
+        """Fit the columns to their contents, then distribute the free width or narrow the widest columns.
 
         A hidden table is fitted when it is shown.
         """
@@ -236,7 +236,7 @@ class ParameterTable(QTableView):
             self._narrow(visible, -free)
 
     def _narrow(self, columns: Sequence[int], excess: int) -> None:
-        """Narrow columns by `excess` px in all, the widest first, which elides headings and texts but no numbers."""
+        """Narrow columns by `excess` px in total, the widest first; headings and texts are elided, but no numbers."""
         widths = {i: self.columnWidth(i) for i in columns}
         smallest = {i: self._smallest_width(i) for i in columns}
         while excess > 0 and (wide := [i for i in columns if widths[i] > smallest[i]]):
@@ -246,7 +246,7 @@ class ParameterTable(QTableView):
             self.setColumnWidth(i, width)
 
     def _smallest_width(self, index: int) -> int:
-        """Return the width of the numbers or states in a column, or that of an elided text, px."""
+        """Return the minimum width of a column, px: that of its numbers or states, or that of an elided text."""
         column, header = self.parameters.columns[index], self.horizontalHeader()
         whole = column.number or column.state is not None
         elided = header.textElideMode() != Qt.TextElideMode.ElideNone

@@ -79,7 +79,7 @@ class ZoomBox(pg.ViewBox):  # type: ignore[misc]
             super().enableAutoRange(axis, enable, x, y)
 
     def linkedViewChanged(self, view: pg.ViewBox, axis: int) -> None:
-        """Follow a linked box even if this box is zoomed; a zoom of the linked box by the user zooms this one too."""
+        """Follow a linked box even if this box is zoomed; a zoom of the linked box by the user also zooms this box."""
         if isinstance(view, ZoomBox) and view._zooming and not self.linksBlocked:
             self._keep_ranges()
             self.zoomed = True
@@ -150,7 +150,7 @@ class TimeBox(ZoomBox):
 
 pg.setConfigOptions(antialias=False)
 
-#: Smallest number of labels on a logarithmic axis, and largest exponent of a value on an axis with equal distances.
+#: Minimum number of labels on a logarithmic axis, and maximum exponent of a value on an axis with equally spaced ticks.
 _MIN_LABELS, _MAX_EXPONENT = 3, 300.0
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -202,15 +202,15 @@ class NumberAxis(pg.AxisItem):  # type: ignore[misc]
 
     def _short(self, name: str) -> str:
         low, high = self.range
-        places = sorted(at for at, _ in self._tickLevels[0])
-        distance = min((after - before for before, after in pairwise(places)), default=high - low)
+        positions = sorted(at for at, _ in self._tickLevels[0])
+        distance = min((after - before for before, after in pairwise(positions)), default=high - low)
         space = int(distance * self.width() / ((high - low) or 1.0)) - theme.GRID // 2
         metrics, middle = self._metrics(), Qt.TextElideMode.ElideMiddle
         return "\n".join(metrics.elidedText(line, middle, space) for line in name.split("\n"))
 
 
 class CountAxis(NumberAxis):
-    """An axis of numbers of things, whose ticks are at whole numbers."""
+    """An axis for counts, with ticks at whole numbers."""
 
     def tickSpacing(self, minVal: float, maxVal: float, size: float) -> list[tuple[float, float]]:
         """Return the spacings of labelled and smaller ticks."""
@@ -221,8 +221,8 @@ class CountAxis(NumberAxis):
 class LogAxis(pg.AxisItem):  # type: ignore[misc]
     """A logarithmic axis with labels such as 0.01, 1 and 100, and powers of ten for very large and small values.
 
-    If its range contains fewer than three values of the form 1, 2 or 5 times a power of ten, its ticks have equal
-    distances.
+    If its range contains fewer than three values of the form 1, 2 or 5 times a power of ten, its ticks are at equally
+    spaced values.
     """
 
     _equal = False
@@ -230,7 +230,7 @@ class LogAxis(pg.AxisItem):  # type: ignore[misc]
     def logTickValues(
         self, low: float, high: float, size: float, standard: Sequence[tuple[float, Sequence[float]]]
     ) -> list[tuple[float | None, Sequence[float]]]:
-        """Return the distances and the exponents of the ticks."""
+        """Return the spacings and the exponents of the ticks."""
         labelled = [e for e in _labelled(low, high) if low <= e <= high]
         self._equal = len(labelled) < _MIN_LABELS and -_MAX_EXPONENT < low < high < _MAX_EXPONENT
         if not self._equal:
@@ -449,7 +449,7 @@ class LineLabels(QWidget):
         return sorted(by_importance[:count], key=lambda label: label.y)
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Draw the labels and leader lines, as many as do not overlap."""
+        """Draw as many labels and leader lines as fit without overlap."""
         painter = theme.painter(self)
         line = theme.BODY + 4.0
         half = line / 2

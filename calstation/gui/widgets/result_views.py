@@ -1,4 +1,4 @@
-"""Views of results: checks, parameters side by side, and an effect that is missing in the error model."""
+"""Views of results: checks, parameters side by side, and an effect that is missing from the error model."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -128,9 +128,10 @@ class ComparisonTable(CellTable):
 
 
 class MissingEffect(QWidget):
-    """A row for an effect that is missing in the error model, whose button emits `requested(effect)`.
+    """A row for an effect that is missing from the error model, whose button emits `requested(effect)`.
 
-    It is hidden if no failed check reports such an effect. The job of `watch` replaces the button while it runs.
+    The row is hidden if no failed check reports such an effect. While the job of `watch` runs, its progress replaces
+    the button.
     """
 
     requested = Signal(str)
@@ -146,7 +147,7 @@ class MissingEffect(QWidget):
         on_language_change(self, self._refresh)
 
     def show_result(self, result: Result | None) -> None:
-        """Show the effect that is missing in the error model of a result, if any."""
+        """Show the effect that is missing from the error model of a result, if any."""
         self._check = None if result is None else result.missing_state
         self.setVisible(self._check is not None)
         self._refresh()

@@ -1,4 +1,4 @@
-"""Curves of the parameters over the temperature of the unit, with the temperatures that were measured."""
+"""Curves of the parameters over the temperature of the unit, with the values at the measured temperatures."""
 
 import numpy as np
 import pyqtgraph as pg
@@ -15,7 +15,7 @@ from calstation.messages import plain_number
 from calstation.physics import FloatArray, display, number
 from calstation.results import Result, TemperatureResult
 
-#: Symbol in plots, letter in the legend, and axis whose colour is used, of each direction.
+#: Symbol in plots, symbol in the legend, and axis whose colour is used, for each direction of temperature change.
 _WAYS = {"up": ("t1", "▲", "y"), "down": ("t", "▼", "x"), "soak": ("o", "●", "z")}
 #: Part of the range of temperatures that is drawn beyond each end.
 _BEYOND = 0.06
@@ -25,10 +25,10 @@ _BOTH = 36 * theme.GRID
 
 
 class TemperatureCurves(StackedPlots[Result]):
-    """A parameter over temperature with its sigma, limits and points; `differences` adds a plot of the points minus it.
+    """A parameter over temperature with sigma, limits and points; `differences` adds a plot of points minus curve.
 
     The temperatures outside the range are shaded. Points after a rise, after a fall and at the start have their own
-    symbols and colours, which are hollow if they were held out.
+    symbols and colours; the symbols of points that were held out are hollow.
     """
 
     def __init__(self, name: str, *, differences: bool = True) -> None:
@@ -55,7 +55,7 @@ class TemperatureCurves(StackedPlots[Result]):
         if result is None or over is None:
             return
         changing = over.largest_changes
-        names = sorted(over.coefficients, key=lambda name: name not in changing)  # those that depend on it come first
+        names = sorted(over.coefficients, key=lambda name: name not in changing)  # temperature-dependent first
         chosen = self._combo.currentData()
         fill_combo(self._combo, [(parameter_text(name), name) for name in names], chosen)
         self.show_data(result)
@@ -66,7 +66,7 @@ class TemperatureCurves(StackedPlots[Result]):
         self._arrange()
 
     def _arrange(self) -> None:
-        """Show or hide the differences, and the temperatures below the upper plot instead."""
+        """Show the plot of differences if there is space, otherwise the temperature axis of the upper plot."""
         both = len(self.plots) > 1 and self.height() >= _BOTH
         for plot in self.plots[1:]:
             plot.setVisible(both)
@@ -117,7 +117,7 @@ class TemperatureCurves(StackedPlots[Result]):
         self._worst.setText(with_minus(say(code, **texts)))
 
     def _frame(self, plot: ThemedPlot, over: TemperatureResult) -> None:
-        """Mark the reference, and shade what is outside the range."""
+        """Mark the reference temperature, and shade the temperatures outside the range."""
         c, (low, high) = theme.colours(), over.range_c
         far = 10.0 * (high - low)
         for begin, end in ((low - far, low), (high, high + far)):

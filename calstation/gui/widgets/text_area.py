@@ -1,4 +1,4 @@
-"""A scroll area that cuts no line of text."""
+"""A scroll area whose lower edge does not cut through a line of text."""
 
 from collections.abc import Iterator
 
@@ -55,7 +55,7 @@ class TextArea(QScrollArea):
 
 
 class ShrinkingText(TextArea):
-    """A text as high as its lines, which scrolls where its layout has less space; the caller hides it without text."""
+    """A text area as high as its text, which scrolls if its layout has less space; the caller hides an empty one."""
 
     #: Number of lines for which there is always space.
     _MIN_LINES = 2

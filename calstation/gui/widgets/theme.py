@@ -54,7 +54,7 @@ AXIS_COLOURS = {"x": "#0072B2", "y": "#D55E00", "z": "#009E73"}
 #: letters need more contrast than lines.
 _AXIS_TEXT = {"x": ("#0072B2", "#4DA3D9"), "y": ("#A84A00", "#E8741A"), "z": ("#007A59", "#10B284")}
 
-#: The shipped font; Qt takes characters that it does not contain from the system fonts.
+#: The shipped font; Qt uses system fonts for characters that this font lacks.
 FAMILY = "Calstation Sans"
 
 
@@ -160,7 +160,7 @@ def on_appearance_change(owner: QObject, show: Callable[[], object]) -> None:
 
 
 def pen(colour: str | QColor, width: float = 1.0, style: Qt.PenStyle = Qt.PenStyle.SolidLine) -> QPen:
-    """Return a pen for plots with a width in logical px, which Qt would not enlarge with the screen."""
+    """Return a pen for plots with a width in logical px, because Qt does not scale the widths of cosmetic pens."""
     made = QPen(QColor(colour), width * QGuiApplication.primaryScreen().devicePixelRatio(), style)
     made.setCosmetic(True)
     return made
@@ -207,7 +207,7 @@ def style_sheet(c: Colours) -> str:
 
 
 def font(size: int = BODY, *, bold: bool = False) -> QFont:
-    """Return the font of the window with a size in px and figures of equal width."""
+    """Return the font of the window with a size in px and digits of equal width."""
     return QFont(_font(size, bold))
 
 
