@@ -1,4 +1,4 @@
-"""The operator page: loading, scan, START, live view and verdict; `calstation.gui.state` has the status of the run."""
+"""The operator page: loading, scan, START, live view and verdict; `calstation.gui.state` contains the run's status."""
 
 from calstation.gui.operator import advice
 from calstation.gui.operator.live import LiveView

@@ -69,7 +69,7 @@ def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str
 
 
 def figures_note(result: Result | None) -> str:
-    """Return after which stage the figures of a run without a verdict were determined, or "" for another run."""
+    """Return a note on the stage that determined the figures of a run without a verdict; "" for other runs."""
     if result is None or result.verdict.judged or not result.stages:
         return ""
     return say("advice.figures_of", stage=result.stages[-1])
@@ -91,9 +91,9 @@ def result_notes(result: Result | None) -> list[str]:
 
 
 def register_state(result: Result, runs: Path) -> str:
-    """Return what a run wrote to the registers and what became of it, or "" if it wrote none.
+    """Return what a run wrote to the registers and the state of that transfer, or "" if the run wrote none.
 
-    `runs` is the folder of its log.
+    `runs` is the folder that contains the log of the run.
     """
     try:
         state = run_registers(result, runs)
@@ -105,7 +105,7 @@ def register_state(result: Result, runs: Path) -> str:
 def next_action(outcome: str, result: Result | None, *, in_batch: bool = False, engineer: bool = False) -> str:
     """Return the next action for the unit, as a sentence.
 
-    For a unit `in_batch`, it is without the scan of the next one. An engineer reads the remedy of the cause.
+    For a unit `in_batch`, the scan of the next unit is omitted. For an engineer, the remedy of the cause is returned.
     """
     if engineer and result is not None and _action(outcome, result) == "ask_engineer":
         checks = filter(None, (result.missing_state, *result.failed_checks))
@@ -117,7 +117,7 @@ def next_action(outcome: str, result: Result | None, *, in_batch: bool = False, 
 
 
 def repeats(result: Result | None) -> bool:
-    """Return whether the operator may calibrate a failed unit again without an engineer, also after its own fault."""
+    """Return whether the operator may calibrate a unit again, without an engineer, after it failed or had a fault."""
     return result is None or not (result.released or _action("failed", result) in ("set_aside", "ask_engineer"))
 
 
@@ -159,7 +159,7 @@ def _action(outcome: str, result: Result | None) -> str:
         return "closed"
     if result is None or advised != "resume":
         return "begin_again"
-    return "resume" if result.solved_stages else "resume_temperatures"  # those of its first stage
+    return "resume" if result.solved_stages else "resume_temperatures"  # complete in its first stage
 
 
 def figures(result: Result) -> list[Figure]:
@@ -203,7 +203,7 @@ def figures(result: Result) -> list[Figure]:
 
 
 def _worst_name(result: Result, name: str) -> str:
-    """Return the name of a parameter and, if its value is the worst over temperature, the temperature."""
+    """Return the name of a parameter and, if its value depends on temperature, the temperature of the worst value."""
     at = result.worst(name)[1]
     return parameter_text(name) if at is None else say("operator.worst_at", parameter=name, at=at)
 

@@ -37,7 +37,7 @@ class ProductCombo(QComboBox):
 class RunHeader(QWidget):
     """Fields and buttons for a run.
 
-    Signals: `serial_entered()` on Enter in the serial field, which scanners send, too; `serial_edited()`;
+    Signals: `serial_entered()` on Enter in the serial field, which scanners also send; `serial_edited()`;
     `start_pressed()`; `enter_refused()` when Enter on START is ignored; `scan_refused()` after a scan while the
     field is locked; `product_selected(path)`.
     """
@@ -62,7 +62,7 @@ class RunHeader(QWidget):
         self._symbol.hide()
         self._partial = False
         self._products: list[tuple[str, Path]] = []
-        #: Runs while a scan arrives over an open list.
+        #: Timer that is active while a scan arrives over an open list.
         self._scanning = QTimer(self, singleShot=True, interval=_SCAN_MS)
         self._scanning.timeout.connect(self._end_scan)
         row(
@@ -110,7 +110,7 @@ class RunHeader(QWidget):
         self.show_product(selected)
 
     def mark_products(self, reasons: Mapping[Path, tuple[str, str]]) -> None:
-        """Grey the products that the station cannot calibrate, each with a note and an explanation in its tooltip."""
+        """Grey out the products that the station cannot calibrate, with a note and with an explanation as tooltip."""
         model = cast("QStandardItemModel", self.product_combo.model())
         for index, (name, path) in enumerate(self._products):
             note, explanation = reasons.get(path, ("", ""))
@@ -172,11 +172,11 @@ class RunHeader(QWidget):
         combo.view().installEventFilter(self)
 
     def handle_key(self, event: QKeyEvent) -> bool:
-        """Enter the character of a key, the first of a scan, into the field for the next scan, and return True.
+        """Enter a character that begins a scan into the field for the next scan, and return True.
 
-        Return False for other keys, while the page is hidden, and during a run. Over an open list, the whole scan is
-        taken, because closing the list at its first character would lose those that are on their way; during a run it
-        is discarded there, because it would select an entry.
+        Return False for other keys, while the page is hidden, and during a run. Over an open list, all characters of
+        a scan are handled, because closing the list at the first character would lose the next ones; during a run,
+        they are discarded, because they would select an entry of the list.
         """
         in_list = QApplication.activePopupWidget() is not None and self.isVisible()
         if in_list and self._scanning.isActive() and event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
@@ -208,11 +208,11 @@ class RunHeader(QWidget):
         self._enter()
 
     def _enter(self) -> None:
-        """Enter the scan in the field, which takes none while it is locked."""
+        """Report the scan in the field as entered or, while the field is locked, as refused."""
         (self._scan_field.returnPressed if self._scan_field.isEnabled() else self.scan_refused).emit()
 
     def _end_scan(self) -> None:
-        """Close the list over which a scan arrived."""
+        """Close the list that was open while a scan arrived."""
         self._scanning.stop()
         popup = QApplication.activePopupWidget()
         if popup is not None:

@@ -25,7 +25,7 @@ from calstation.runs import (
     recover_at_startup,
 )
 
-#: Setting with the start of the latest run after which the operator has looked at the chamber.
+#: Setting that stores the start of the latest run after which the operator has checked the chamber.
 _LOOKED_AT = "chamber_looked_at"
 
 
@@ -43,15 +43,15 @@ class InterruptedRuns(QObject):
         self._serials: Collection[str] = ()
         self._log: Path | None = None
         self._otherwise: Callable[[], None] = lambda: None
-        #: Units of the interrupted runs that were found last.
+        #: Units of the interrupted runs that the last search found.
         self.serials: frozenset[str] = frozenset()
         self._search = app.job(self, find_interrupted, self._search_done, failed=self._search_failed)
         self._closing = app.job(self, close_incomplete_job, self._closed)
         self._recovering = False  #: Whether `recover` has been called.
-        self._first = False  #: Whether the first search after it has not ended.
-        #: Units with unverified registers, which are named once no question is open.
+        self._first = False  #: Whether the first search after `recover` has not ended yet.
+        #: Units with unverified registers, until a notice has named them.
         self._unverified: tuple[str, ...] = ()
-        #: Outcome of the hand-over at the start, until it has been shown.
+        #: Outcome of the delivery of results at startup, until it has been shown.
         self._delivery: Delivery | None = None
         #: Start of the run that left the chamber at an unknown temperature; "" for none.
         self._left = ""
@@ -73,8 +73,8 @@ class InterruptedRuns(QObject):
     def recover(self) -> None:
         """Write the results of aborted runs, deliver pending results, and offer to resume interrupted runs.
 
-        If such a run left the chamber at an unknown temperature, the operator must look at it first. Nothing starts
-        before this is known.
+        If such a run left the chamber at an unknown temperature, the operator must check the chamber first. Until this
+        is known, no run can start.
         """
         self._recovering = True
         self._first = self._app.runs_folder.is_dir()
@@ -83,11 +83,11 @@ class InterruptedRuns(QObject):
             self._recovery.start(self._app.runs_folder, self._app.station_path)
 
     def _searching_changed(self) -> None:
-        """Let no run start before the first search has ended; a later one may wait for other work in the background."""
+        """Prevent the start of a run until the first search has ended; later searches, which may wait, do not."""
         self._app.run.set_reading_runs(self._first and (self._chamber.busy or self._search.busy))
 
     def _station_changed(self) -> None:
-        if self._recovering and self._app.runs_folder.is_dir():  # the chamber is that of the other station
+        if self._recovering and self._app.runs_folder.is_dir():  # the new station may have another chamber
             self._find_chamber_left()
 
     def _find_chamber_left(self) -> None:
@@ -97,7 +97,7 @@ class InterruptedRuns(QObject):
         self._chamber.start(self._app.runs_folder, self._app.station_path)
 
     def _chamber_found(self, left: str) -> None:
-        """Say that the temperature of the chamber is unknown, unless the operator has looked at it after this run."""
+        """Set whether a run left the chamber at an unknown temperature and the operator has not checked it since."""
         if left == self._app.settings.value(_LOOKED_AT, "") or self._app.engine_link.running:
             left = ""
         self._left = left or self._left
@@ -106,12 +106,12 @@ class InterruptedRuns(QObject):
             self.offer()
 
     def _stop_completed(self, incomplete: bool) -> None:
-        """Offer what was found while the table might still have moved."""
+        """Repeat the search whose result was not offered while the table might still have been moving."""
         if self._recovering and not incomplete and self._app.run.state == "idle":
             self.offer(self._serials, self._log, self._otherwise)
 
     def _chamber_not_found(self, _: CalstationError) -> None:
-        """Have the operator look at the chamber if the runs cannot be read."""
+        """Require the operator to check the chamber if the runs cannot be read."""
         awaited = self._app.run.chamber.unchecked
         self._app.run.set_chamber_left(awaited)
         if not awaited:
@@ -132,7 +132,7 @@ class InterruptedRuns(QObject):
         self._show_recovery()
 
     def _show_recovery(self) -> None:
-        """Name the units with unverified registers and why results were not delivered, when no question is open.
+        """Show the units with unverified registers and why results were not delivered, when no question is open.
 
         Another program that uses the station may be writing the registers now.
         """
@@ -151,13 +151,13 @@ class InterruptedRuns(QObject):
     def offer(
         self, serials: Collection[str] = (), log: Path | None = None, otherwise: Callable[[], None] = lambda: None
     ) -> None:
-        """Offer to resume interrupted runs: all, those of units or of their batch, or the one of a log.
+        """Offer to resume all interrupted runs, those of some units or their batch, or the run of a log.
 
         Parameters
         ----------
         serials : units that are resumed; () for any
-        log : log of the run, of whichever unit, that is resumed; None for any
-        otherwise : called if nothing can be offered, except for a log
+        log : log of the run that is resumed; None for any
+        otherwise : called if nothing can be offered and no log is given
         """
         self._serials, self._log, self._otherwise = serials, log, otherwise
         if self._app.runs_folder.is_dir() and self.run_summary is not None:

@@ -18,7 +18,7 @@ from calstation.runs import RunSummary, run_summary
 def read_next_run(
     app: AppContext, products: Sequence[tuple[str, Path]]
 ) -> tuple[RunSummary | None, Text | None, list[Choice]]:
-    """Return the summary of the next run, or None, the problem and choices of what to do about it.
+    """Return the summary of the next run or, if there is none, the problem and the choices that solve it.
 
     `products` are the names and files that are offered.
     """
@@ -57,7 +57,7 @@ def selection_question(app: AppContext, summary: RunSummary) -> Text:
 
 
 def _wrong_schedules(request: RunRequest) -> tuple[str, ...]:
-    """Return the stages of a run whose changed schedules prevent it; () if it is not possible without the changes."""
+    """Return the stages whose changed schedules prevent a run; () if the run is also impossible without changes."""
     changes = request.schedule or {}
     if not (changes and _possible(request, {})):
         return ()

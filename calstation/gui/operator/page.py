@@ -82,7 +82,7 @@ class OperatorPage(Page):
         self.header: RunHeader = RunHeader(app.run)
         self._stages = StageList(app)
         self.closing, self.notice = NoticeBar(), NoticeBar("operator_notice")
-        self._documents = NoticeBar("documents_notice")  #: It replaces no question about a run.
+        self._documents = NoticeBar("documents_notice")  #: Separate, so that questions about a run stay open.
         self._unprinted = UnprintedNotice(app, "unprinted_notice", self.await_scan)
         self._failing = FailingNotice(app.run, self.setFocus)
         self._loading, self._live = Loading(), LiveView(app)
@@ -143,7 +143,7 @@ class OperatorPage(Page):
         if not self._opened:
             self._opened = True
             self._starting.interrupted.recover()
-            self._validation.look()
+            self._validation.check()
         self._shift.count()
         self.await_scan()
 
@@ -285,7 +285,7 @@ class OperatorPage(Page):
         self._refresh()
 
     def _mark_products(self) -> None:
-        """Grey the products that the station cannot calibrate."""
+        """Grey out the products that the station cannot calibrate."""
         self.header.mark_products(unsuitable_products(self.app, [path for _, path in self._products]))
 
     # ---- during the run
@@ -300,11 +300,11 @@ class OperatorPage(Page):
         self._offer_after_fault()
 
     def _port_freed(self) -> None:
-        """Clear the fault of a port that is no longer in use, without disturbing somebody who enters a number."""
+        """Clear the fault of a port that is no longer in use, and keep what the operator is entering."""
         self._starting.drop_fault() if self._starting.being_used else self._acknowledge()
 
     def _offer_after_fault(self) -> None:
-        """Offer what remains to do after a fault, once its chamber is at ambient or has been looked at."""
+        """After a fault or stop, offer what remains to be done once the chamber is at ambient or has been checked."""
         run = self.app.run
         if not self._offer_due or self.app.engine_link.running or run.chamber.must_stay_closed or run.stop_incomplete:
             return
@@ -313,7 +313,7 @@ class OperatorPage(Page):
 
     def _stop_pressed(self) -> None:
         run = self.app.run
-        if self.closing.asking:  # it asks about a run that is stopped now
+        if self.closing.asking:  # the question is about a run that is now stopped
             self.closing.dismiss()
         unsafe = run.fault is not None or run.stop_incomplete or run.chamber.must_stay_closed
         if not (run.in_progress or unsafe or run.occupied) and run.monitoring is None and not self._problem:
@@ -374,7 +374,7 @@ class OperatorPage(Page):
         ask(self.closing, "caution", lambda: close_question(self.app.run), answers, primary="keep_open")
 
     def _refresh_closing(self, event: Event) -> None:
-        """Show the present temperature of the chamber in an open question."""
+        """Show the current temperature of the chamber in an open question."""
         if isinstance(event, ChamberChanged) and self.closing.asking:
             self.closing.refresh()
 
@@ -445,7 +445,7 @@ class OperatorPage(Page):
             self._views.setCurrentWidget(self._verdict)
         view, size = self._views.currentWidget(), QSizePolicy.Policy
         self._stages.setVisible(view is not self._verdicts)
-        # a notice needs space above a view, which must not have the height that hidden ones need
+        # a notice needs space above the view, so that hidden views must not determine the height
         for each in (self._slots, self._live, self._verdicts, self._verdict):
             each.setSizePolicy(size.Preferred, size.Preferred if view is each else size.Ignored)
 

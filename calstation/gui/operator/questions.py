@@ -54,7 +54,7 @@ def ask(
     others
         Additional choices with their own texts, which are shown first.
     engineer
-        Whether an engineer reads it; operators read no entries of profiles and files.
+        Whether an engineer reads the question; for operators, it does not name entries of profiles or files.
     """
     current = question if callable(question) else lambda: question
     choices = [
@@ -83,7 +83,7 @@ def close_question(run: RunStatus) -> Text:
 
 
 def closing_notice(run: RunStatus) -> Text:
-    """Return what is awaited before the window closes: a term of the family ``question``."""
+    """Return what the window waits for before it closes: a term of the family ``question``."""
     returns = run.chamber.latest is not None and run.chamber.access != "open"
     if returns:
         return Text("question.closing_chamber")
@@ -91,7 +91,7 @@ def closing_notice(run: RunStatus) -> Text:
 
 
 def progress_message(run: RunStatus) -> str:
-    """Return what a run that has not ended does."""
+    """Return what a run in progress is doing."""
     if run.state == "stopping" and not (run.commanded or run.by_hand):
         return say("operator.message_stopping_connecting")
     if run.state == "stopping" and run.table_stopped:
@@ -113,7 +113,7 @@ def progress_message(run: RunStatus) -> str:
 
 
 def urgent_message(run: RunStatus, *, engineer: bool) -> str:
-    """Return what to know before anything else: a fault, the table, the chamber or another window; "" for nothing."""
+    """Return the most urgent message, on a fault, the table, the chamber or another window; "" for none."""
     table = say("operator.message_table_stopped") if run.table_stopped else ""
     if run.fault is not None and prevented_by(run) is None:
         return joined(fault_text(run.fault, engineer=engineer).text, table, language.current())
@@ -135,7 +135,7 @@ def sign_in_text(app: AppContext) -> str:
 
 
 def why_not_load(run: RunStatus, problem: Text | None) -> tuple[Words, Words]:
-    """Return title and text of the reason to load no unit now, which are empty if there is none.
+    """Return title and text of the reason why no unit may be loaded now; both are empty if there is none.
 
     `problem` is why the next run is not possible, or None.
     """
@@ -153,7 +153,7 @@ def why_not_load(run: RunStatus, problem: Text | None) -> tuple[Words, Words]:
 
 
 def refusal(code: str, error: CalstationError, *, engineer: bool) -> Text:
-    """Return why a run cannot start: a term of the family ``question``; operators read no names of files and keys."""
+    """Return why a run cannot start: a term of the family ``question``, for operators without files and keys."""
     message = error.as_text
     plain = None if engineer else for_operator(message)
     if plain is None:
@@ -211,7 +211,7 @@ class StartDialog:
 
     @property
     def asking(self) -> bool:
-        """Whether a question before a start is open, which can always be cancelled."""
+        """Whether a question before a start, which can always be cancelled, is open."""
         return self._notice.offers("cancel_choice") and not self._notice.offers("same_units_choice")
 
     def _run_changed(self) -> None:
@@ -220,7 +220,7 @@ class StartDialog:
             self.drop()
 
     def _attempt(self, action: Callable[[], None], *, resume: bool = False) -> None:
-        """Take a step to the start unless no run can start now, or show why it failed."""
+        """Execute a step towards the start, or show why no run can start now or why the step failed."""
         if why_not := self._app.run.why_not_start:
             ask(self._notice, "caution", why_not if isinstance(why_not, Text) else Text(why_not), {})
             return
@@ -277,7 +277,7 @@ class StartDialog:
             self._ask(Text.of("question.device_busy"), {"clear": lambda: self._attempt(lambda: self._launch(request))})
         elif not app.engine_link.running:
             if request.product is not None:
-                app.set_product(request.product)  # which the header names; a resumed run may have another one
+                app.set_product(request.product)  # shown in the header; a resumed run may have another product
             app.engine_link.start(replace(request, operator=app.badge or app.person))
 
     def _ask(self, question: Text, answers: Mapping[str, Callable[[], None]], kind: str = "caution") -> None:
@@ -292,7 +292,7 @@ class ValidationNotice(NoticeBar):
         super().__init__("validation_notice")
         self._search = app.job(self, find_validation_due, self._show)
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Compare the installation with the last validation."""
         self._search.start()
 
@@ -318,7 +318,7 @@ class ClaimNotice(NoticeBar):
             return
         if running:
             self._app.claim(*filter(None, request.serials or (request.serial,)))
-        elif request.serial in self._app.claimed:  # the claim is not for the next unit
+        elif request.serial in self._app.claimed:  # the next unit has not been claimed yet
             self._app.claim()
 
     def _refresh(self) -> None:

@@ -65,13 +65,13 @@ class RunStarter(QObject):
         header.serial_entered.connect(self.scan)
         header.serial_edited.connect(self.edited)
         header.scan_refused.connect(self._refuse_scan)
-        #: Runs while it is displayed that a scan was not taken.
+        #: Timer that is active while the notice about a refused scan is displayed.
         self._refused_shown = QTimer(self, singleShot=True, interval=_REFUSED_MS)
         self._refused_shown.timeout.connect(self._end_refusal)
         header.start_pressed.connect(self.start)
-        #: Whether a unit was scanned while interrupted runs were looked for; see `_reading_ended`.
+        #: Whether a unit was scanned during the search for interrupted runs; see `_reading_ended`.
         self._scanned_early = False
-        #: Runs until a search that follows directly has begun.
+        #: Timer for one turn of the event loop, in which a search that follows directly begins.
         self._after_search = QTimer(self, singleShot=True, interval=0)
         self._after_search.timeout.connect(self._reading_ended)
         app.run.changed.connect(self._run_changed)
@@ -92,8 +92,9 @@ class RunStarter(QObject):
     def suggest(self) -> None:
         """On the virtual bench, fill empty fields or slots with the serial numbers of units that have not passed yet.
 
-        Earlier suggestions are removed. While verdicts are displayed, other units are suggested; none after a failed or
-        incomplete run of a single unit, which may be repeated, nor for slots about whose units a question is open.
+        Earlier suggestions are removed. While verdicts are displayed, other units are suggested. None is suggested
+        after a failed or incomplete run of a single unit, which may be repeated, or for slots while a question about
+        an interrupted run is open.
         """
         header, run, slots = self._header, self._app.run, self.slots
         self.refused = None
@@ -141,11 +142,11 @@ class RunStarter(QObject):
 
     @property
     def being_used(self) -> bool:
-        """Whether something is entered, which Enter may not have ended, or a notice is displayed."""
+        """Whether a serial number is entered, the operator field has the focus, or a notice is displayed."""
         return bool(self._header.serial) or self._header.operator_edit.hasFocus() or not self._notice.isHidden()
 
     def drop_fault(self) -> None:
-        """Clear the fault, and the notice that it must be closed, without checking what is entered."""
+        """Clear the fault, and the notice that it must be closed, without checking the entered serial number."""
         if self._fault_named:
             self._notice.dismiss()
         self._app.run.acknowledge()
@@ -187,7 +188,7 @@ class RunStarter(QObject):
         self._await_start()
 
     def leave_verdict(self) -> None:
-        """Replace the verdict by the next unit; each slot shows the verdict on its last unit, which is unloaded now."""
+        """Remove the verdict before the next unit; each slot then shows the verdict on the unit to be unloaded."""
         if self._app.run.ended:
             self._note_last()  # a failed unit may have been released
             self._app.run.acknowledge()
@@ -201,8 +202,8 @@ class RunStarter(QObject):
     def scan(self) -> None:
         """Check the entered serial number; if a run of the unit was interrupted, offer to resume it.
 
-        A badge signs in the operator instead. It is in the list of the station, or has the form of a badge but not of a
-        serial number.
+        A badge instead signs in the operator. A text is a badge if the station lists it, or if it has the form of a
+        badge but not that of a serial number.
         """
         header, badge = self._header, self._header.serial
         sign_in = header.badge_field.section
@@ -235,7 +236,7 @@ class RunStarter(QObject):
             self._after_search.start()
 
     def _reading_ended(self) -> None:
-        """Accept a unit again that was scanned while START was disabled by the search for interrupted runs."""
+        """Check a unit again that was scanned during the search for interrupted runs, which disables START."""
         if not self._scanned_early or self._app.run.reading_runs:
             return
         self._scanned_early = False
@@ -245,7 +246,7 @@ class RunStarter(QObject):
             self._ask_interrupted()
 
     def _remind(self) -> None:
-        """Say that units of the last run are left with unverified registers, if other units are scanned."""
+        """If other units are scanned, warn that units of the last run have unverified registers."""
         scanned = self._header.serial, *self.slots.units
         left = [unit.serial for unit in self._app.run.units if unit.serial not in scanned]
         if undecided := list(filter(self.has_open_transfer, left)):
@@ -264,22 +265,22 @@ class RunStarter(QObject):
 
     @property
     def overdue(self) -> tuple[Text, ...]:
-        """The overdue calibrations for which START asks an engineer, none for a check standard."""
+        """The overdue calibrations for which START asks an engineer; none for a check standard."""
         summary = self.run_summary
         is_standard = summary is not None and self._header.serial in summary.check_standards
         return () if summary is None or is_standard else summary.overdue
 
     @property
     def incomplete(self) -> bool:
-        """Whether a badge, a valid scan, an answer, a reset or a calibration that is not overdue is missing."""
+        """Whether anything is missing before the next run, such as a badge, a valid scan, an answer or a reset."""
         run = self._app.run
         missing = self._header.badge_field.required or self.refused is not None or bool(self.overdue) or self.asking
         return missing or run.unreset is not None or run.why_not_start == "operator.reading_runs"
 
     def missing_text(self, answer: str) -> str:
-        """Return what is missing before the next run, or what to know of its product; "" for neither.
+        """Return what is missing before the next run, or a note on its product; "" for neither.
 
-        `answer` is the code of the text about an open question, which differs on its page and on the others.
+        `answer` is the code of the text about an open question, which differs between this page and the others.
         """
         run, summary = self._app.run, self.run_summary
         if run.reading_runs:
@@ -310,7 +311,7 @@ class RunStarter(QObject):
         return self.asking or self._notice.offers("same_units_choice")
 
     def _refuse_scan(self) -> None:
-        """Say that a scan during a run was not taken."""
+        """Show that a scan during a run was ignored."""
         self._signal(accepted=False)
         badges = self._header.badge_field.section is not None
         ask(self._notice, "bad", Text("question.badge_scan_during_run" if badges else "question.scan_during_run"), {})
@@ -344,12 +345,12 @@ class RunStarter(QObject):
         return self.run_summary is not None and re.fullmatch(self.run_summary.serial_pattern, serial) is not None
 
     def slot_edited(self) -> None:
-        """Remove a notice or question about units after a slot was clicked or cleared, and a refused serial number."""
+        """After a click on a slot, remove a refused serial number and a notice or question about units."""
         self._drop_refused()
         self.edited()
 
     def _drop_refused(self) -> None:
-        """Remove a refused serial number from the field, from which START would take it."""
+        """Remove a refused serial number from the field, because START would use it."""
         if self.refused is not None:
             self._enter("")
 
@@ -430,8 +431,8 @@ class RunStarter(QObject):
     def start(self) -> None:
         """Check the serial number, ask the questions before a start, then start the run.
 
-        While verdicts are displayed, or a number is in the field of a station with several slots, show the units in the
-        slots instead: no unit is calibrated that was not displayed.
+        At a station with several slots, while verdicts are displayed or a number is in the field, show the units in the
+        slots instead, so that no unit is calibrated that was not displayed.
         """
         serial, displayed = self._header.serial, not (self.slots and (self._app.run.ended or self._header.serial))
         if self._app.engine_link.running or not self.check():
@@ -449,7 +450,7 @@ class RunStarter(QObject):
         )
 
     def ask_transfer(self, request: RunRequest, *serials: str) -> None:
-        """Ask whether to undo or finish open transfers, then start a run of these units only from its first stage."""
+        """Ask whether to undo or finish open transfers, then start a run of only these units from its first stage."""
         slots = tuple(serial if serial in serials else "" for serial in request.serials)
         self._enter("" if self.slots else serials[0])  # instead of a suggested unit
         anew = replace(request, serial=serials[0], serials=slots, batch=None, resume=None, resumes=(), unfinished=None)

@@ -43,9 +43,9 @@ from calstation.sequencer import Fault, Finalized
 #: Share of the panel's height for the texts below the banner, distance of lines as a multiple of the text size, number
 #: of lines besides the figures, width of the figures in text sizes, and maximum size, px.
 _TEXT_SHARE, _LINE, _OTHER_LINES, _CHARACTERS, _MAX_TEXT = 0.6, 1.35, 2.75, 31, theme.VERDICT
-#: Height that growing texts leave to the banner, margins and distances above and below them, and of columns, px.
+#: Height that growing texts leave to the banner, vertical margins of the texts, and distance between columns, px.
 _BANNER, _DISTANCES, _BETWEEN = 17 * theme.GRID, 8 * theme.GRID, 7 * theme.GRID
-#: Minimum height of the banner, which gives way to the texts below a question on a small screen, px.
+#: Minimum height of the banner, which shrinks in favour of the texts below a question on a small screen, px.
 _MIN_BANNER = 9 * theme.GRID
 
 
@@ -117,7 +117,7 @@ class FiguresTable(QWidget):
 
 
 def align_points(cells: Sequence[QLabel]) -> None:
-    """Align the decimal points of right-aligned numbers by margins, also of bold ones."""
+    """Align the decimal points of right-aligned numbers, including bold ones, with margins."""
     widths = [QFontMetricsF(cell.font()).horizontalAdvance(_fraction(cell.text())) for cell in cells]
     for cell, width in zip(cells, widths, strict=True):
         cell.setContentsMargins(0, 0, round(max(widths) - width), 0)
@@ -147,7 +147,7 @@ class VerdictPanel(QFrame):
         self._run = app.run
         self._finalized: Finalized | None = None
         self._fault: Fault | None = None
-        self._label_void = False  #: Whether the unit has a label of a run that it passed before it failed.
+        self._label_void = False  #: Whether the failed unit has a label of an earlier run that it passed.
         #: Number of figures, and size of the texts, px.
         self._figure_count = self._shown_size = 0
         self._banner, self._figures = Banner("verdict", _MIN_BANNER), FiguresTable(theme.SECTION)
@@ -192,7 +192,7 @@ class VerdictPanel(QFrame):
             self._fault = fault
             self.reset.clear()
             self.reset.offer(fault is not None and known(fault.code) and entry(fault.code).resettable)
-            self._stress()
+            self._emphasise_reset()
         if unit.finalized is not self._finalized:
             self._finalized = unit.finalized
             file = None if unit.finalized is None else Path(unit.finalized.result_file)
@@ -209,18 +209,18 @@ class VerdictPanel(QFrame):
         """The fault of the run if the table has latched it and it has not been reset."""
         return self._run.fault if self.reset.offered and not self._run.by_hand else None
 
-    def _stress(self) -> None:
-        """Stress the reset of the table while it is offered, because no run is possible without it."""
+    def _emphasise_reset(self) -> None:
+        """Emphasise the reset of the table while it is offered, because no run is possible before the reset."""
         reset = self.reset.offered
         theme.set_kind(self.reset.button, "primary" if reset else "")
         theme.set_kind(self.acknowledge_button, "" if reset else "primary")
 
     def focus_action(self) -> None:
-        """Focus the button that the fault asks for, but not the reset of the table: a stray key must not press it."""
+        """Focus the button that acknowledges the fault, or no button while a reset of the table is offered."""
         (self if self.reset.offered else self.acknowledge_button).setFocus()
 
     def _reset_changed(self) -> None:
-        self._stress()
+        self._emphasise_reset()
         if self.reset.result is not None and self.reset.result.clear:
             self.acknowledge_button.setFocus()
         self._refresh()
@@ -256,7 +256,7 @@ class VerdictPanel(QFrame):
         if self._run.stop_incomplete:
             return say("advice.stop_incomplete")
         if fault is None and self._run.chamber.must_stay_closed:
-            return say("operator.chamber_unconfirmed")  # no unit is removed before
+            return say("operator.chamber_unconfirmed")  # no unit may be removed before
         if fault is None and self._app.badge_required:
             return sign_in_text(self._app)
         if fault is None and self._run.unit.unverified:
@@ -312,7 +312,7 @@ class VerdictPanel(QFrame):
         self._figure_count = len(figures) + any(figure.guarded for figure in figures)  # with the note on the guard band
         self._fit_texts()
         self._figures.show_result(shown)
-        self._figures.setVisible(bool(figures))  # without them, nothing is indented by the distance from them
+        self._figures.setVisible(bool(figures))  # an empty table would indent the texts beside it
         lay_out(self._figures, self._values, self)
 
     def _fault_text(self, fault: Fault) -> Rendered:

@@ -23,7 +23,7 @@ _DRAW_INTERVAL = 0.25
 _RATIOS, _MARGIN = (0.3, 30.0), 0.1
 
 
-#: Width of the labels, px, and their largest part of the width of the panel.
+#: Width of the labels, px, and their maximum fraction of the width of the panel.
 _LABELS, _LABELS_SHARE = 38 * theme.GRID, 0.52
 
 
@@ -158,7 +158,7 @@ class Convergence(QFrame):
 
     @property
     def _goal(self) -> tuple[str, str]:
-        """Codes of the title of the plot and of what the sigmas of the displayed unit are to reach."""
+        """Codes of the plot's title and of the name of the target or limit for the sigmas of the displayed unit."""
         own = {line.own for line in self.lines.values()}
         if len(own) > 1:
             return "operator.sigma_over_target_or_limit", "operator.target_or_limit"

@@ -35,7 +35,7 @@ from calstation.sequencer import (
 #: Minimum window height for the convergence plot below the tiles, and additional height per row of tiles, px.
 _MIN_HEIGHT, _TILE_HEIGHT = 620, 54
 
-#: Minimum window height for the preparation steps and a notice above and below the table and the traces, px.
+#: Minimum window height at which the preparation steps fit below the table and traces, and a notice above them, px.
 _MIN_BELOW = 800
 
 #: Index of the lowest row.
@@ -93,7 +93,7 @@ class Preparation(QFrame):
 
 
 class LiveView(QWidget):
-    """Shows the events of a run, of one of several units in detail.
+    """Shows the events of a run, and details of the selected unit.
 
     `prefix` is the beginning of the object names.
     """
@@ -111,7 +111,7 @@ class LiveView(QWidget):
         self._lower = stack(self._preparation, self._convergence, self.gimbal)
         self.position.finish_requested.connect(lambda: link.send(Command.END_STAGE))
         self.table.setMinimumWidth(37 * theme.GRID)
-        #: Traces next to the table; during the preparation of several units or on a small screen, its steps.
+        #: Traces next to the table; instead, the preparation steps for several units or on a small screen.
         self._beside = stack(self._traces, Preparation(run))
         self._units = UnitTiles(app, prefix)
         row((self.table, 1), (self._beside, 3), on=self._upper)

@@ -12,7 +12,7 @@ from calstation.messages import Text
 from calstation.runs import RunSummary
 from calstation.sequencer import PositionGuided
 
-#: Font sizes of the state and the task, px, which are legible from two metres, and a third larger on a wide panel.
+#: Font sizes of the state and the task, px, legible from two metres; they are a third larger on a wide panel.
 _STATE_SIZE, _TASK_SIZE = theme.VERDICT // 2, theme.VERDICT // 3
 #: Minimum rotation of a rail for which an instruction is shown, rad.
 _MIN_ROTATION = np.deg2rad(1.0)
@@ -29,7 +29,7 @@ class PositionPanel(QFrame):
         self.setProperty("kind", "panel")
         self._guided: PositionGuided | None = None
         self._finishing = self._finished = False
-        self._halted = ""  #: ``paused`` or ``stopping`` if the operator turns nothing.
+        self._halted = ""  #: ``paused`` or ``stopping`` while the panel shows no instructions.
         self.picture = PositionPicture()
         self.badge = StateBadge(_STATE_SIZE)
         self.task_label, self.count_label = label(wrap=True), label()
@@ -64,7 +64,7 @@ class PositionPanel(QFrame):
         self._refresh()
 
     def show_state(self, state: str) -> None:
-        """Show the state of the run instead of instructions if it is paused or stopping, also until it is stored."""
+        """Show the state of the run instead of instructions from its pause or stop until it is resumed or stored."""
         halted = {"paused": "paused", "stopping": "stopping", "stopped": "stopping"}.get(state, "")
         if halted != self._halted:
             self._halted = halted

@@ -27,7 +27,7 @@ _COS_SAME = np.cos(np.deg2rad(20.0))
 class PositionPicture(Drawing):
     """Draws `PositionGuided` events.
 
-    Only the direction of gravity is measured; the heading is computed from the angles of the latest position.
+    Only the up direction is measured; the heading is computed from the rail angles of the latest position.
     """
 
     def __init__(self) -> None:

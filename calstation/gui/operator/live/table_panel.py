@@ -129,7 +129,7 @@ class TablePanel(QFrame):
         self.setProperty("kind", "panel")
         self.picture, self.badge = TablePicture(), StateBadge()
         self._moved: TableMoved | JointsMoved | None = None
-        #: Runs while the last reading is current.
+        #: Timer that is active while the last reading is current.
         self._current = QTimer(self, singleShot=True, interval=CURRENT_MS)
         self._current.timeout.connect(self._show_state)
         self._order = ""

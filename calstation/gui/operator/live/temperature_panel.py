@@ -27,10 +27,10 @@ from calstation.sequencer import ChamberChanged
 
 #: Minimum host time between two updates, s.
 _DRAW_INTERVAL = 0.25
-#: Smallest difference of set point and target of a ramp, K, smallest span of the temperatures of the plot, K, and its
-#: margin as a fraction.
+#: Minimum difference between set point and target during a ramp, K, minimum span of the temperature axis, K, and the
+#: margin of this axis as a fraction of the span.
 _RAMP, _MIN_SPAN, _MARGIN = 0.05, 5.0, 0.06
-#: Keys of the axis colours of the air and the selected unit.
+#: Axes whose colours are used for the air and the selected unit.
 _AIR, _UNIT = "x", "y"
 
 
@@ -82,7 +82,7 @@ class TemperaturePanel(QFrame):
         self.hide()
 
     def add(self) -> None:
-        """Show the latest temperatures of the chamber, several times per second at most."""
+        """Show the latest temperatures of the chamber, at most four times per second."""
         self.show()
         if self.isVisible() and time.monotonic() - self._updated_at >= _DRAW_INTERVAL:
             self.refresh()

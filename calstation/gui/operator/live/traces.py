@@ -15,7 +15,7 @@ from calstation.sequencer import Trace
 _SPANS = (10.0, 60.0, 600.0)
 #: Approximate number of points per line, and maximum number of stored rows (about a quarter of an hour).
 _POINTS, _MAX_ROWS = 2000, 16_384
-#: Time without new data after which the display says so, ms.
+#: Time without new data after which the display states this, ms.
 CURRENT_MS = 2000
 
 
@@ -99,7 +99,7 @@ class Traces(QFrame):
         row((plots, 1), buttons, on=self, margins=(theme.GRID,) * 4)
         self._timer = QTimer(self, interval=33)
         self._timer.timeout.connect(self._draw)
-        #: Runs while the last rows are current.
+        #: Timer that is active while the last rows are current.
         self._current = QTimer(self, singleShot=True, interval=CURRENT_MS)
         self._current.timeout.connect(self._show_axis)
         on_language_change(self, self._show_axis)
@@ -135,11 +135,11 @@ class Traces(QFrame):
         self._show_axis()
 
     def _show_axis(self) -> None:
-        """Name the axis of time, which ends at the last sample if there are no new ones."""
+        """Label the time axis, which ends at the last sample if no new samples arrive."""
         old = self._timer.isActive() and len(self.rows) and not self._current.isActive()
         axis = self._accel.plot.getAxis("bottom")
         axis.setLabel(say("operator.axis_no_data" if old else "operator.axis_before_now"))
-        axis.resizeEvent()  # or the label would not be in the middle
+        axis.resizeEvent()  # centres the label
 
     def _choose_span(self) -> None:
         self.hold_button.setChecked(False)

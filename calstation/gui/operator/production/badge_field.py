@@ -84,7 +84,7 @@ class BadgeField(QWidget):
     def identify(self, entered: str) -> None:
         """Sign in the operator with a badge or, at a station without badges, show a name.
 
-        For "", sign out the operator, unless the field is locked.
+        If `entered` is "", sign out the operator or clear the name, unless the field is locked.
         """
         if not entered and self._locked:
             return
@@ -124,7 +124,7 @@ class BadgeField(QWidget):
         self.signed_out.emit()
 
     def lock(self, reason: str) -> None:
-        """Lock the field for the given reason; "" unlocks it. An idle operator is not signed out while it is locked."""
+        """Lock the field, and suspend the idle timeout, for the given reason; "" unlocks the field."""
         for widget in (self.edit, self.sign_out_button):
             enable(widget, reason)
         self._locked = bool(reason)

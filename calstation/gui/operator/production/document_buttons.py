@@ -33,7 +33,7 @@ from calstation.results import Result
 class UnprintedNotice(NoticeBar):
     """Names the labels that were not printed, also in earlier runs, until each is printed or the notice is closed.
 
-    `then` is called after it has been closed.
+    `then` is called after the notice has been closed.
     """
 
     def __init__(self, app: AppContext, name: str, then: Callable[[], None]) -> None:
@@ -45,7 +45,7 @@ class UnprintedNotice(NoticeBar):
         app.labels_printed.connect(self._remove)
 
     def add(self, labels: Mapping[str, tuple[Path, Sequence[Text]]], again: Callable[[dict[str, Path]], None]) -> None:
-        """Add labels by serial number: the result of each and the reasons; `again` prints labels of results."""
+        """Add labels by serial number, each with its result file and the reasons; `again` prints labels again."""
         self._again = again
         self._labels |= labels
         self._show()
@@ -123,7 +123,7 @@ class LabelButton(_DocumentButton):
     ) -> None:
         super().__init__(app, name, notice, then)
         self._unprinted = unprinted
-        #: Results by serial number that the button prints, and those in the printing that was started last.
+        #: Result files by serial number whose labels the button prints, and those of the last print job.
         self._files: dict[str, Path] = {}
         self._printing: dict[str, Path] = {}
         self._watch = app.job(self, print_labels, self._printed, failed=self._not_printed)
@@ -194,9 +194,9 @@ def _has_label(result: Result) -> bool:
 
 
 class _IssueButton(_DocumentButton):
-    """Button that issues certificates from `_source`: one job reads what has been issued, another one issues.
+    """Button that issues certificates of the results in `_source`; one job reads the issued ones, another one issues.
 
-    The caller lays out `panel`, which asks for people.
+    The caller lays out `panel`, in which people confirm the issue.
     """
 
     def __init__(self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None]) -> None:
@@ -205,7 +205,7 @@ class _IssueButton(_DocumentButton):
         self.panel = PeoplePanel(name)
 
     def _connect(self, title: str, state_watch: JobWatch, watch: JobWatch) -> None:
-        """Follow the jobs; `title` is the code of the text of the button without them."""
+        """Connect the jobs; `title` is the code of the text of the button while no job is running."""
         self._title, self._state_watch, self.watch = title, state_watch, watch
         for each in (state_watch, watch):
             each.failed.connect(self._report)
@@ -225,7 +225,7 @@ class _IssueButton(_DocumentButton):
         self.panel.show_progress(self._text if self.watch.busy else "")
 
     def _report(self, error: CalstationError) -> None:
-        """Report an error, in the panel if it is open, in which what was entered remains, except the PINs."""
+        """Report an error, in the panel if it is open; the panel keeps what was entered, except the PINs."""
         if self.panel.isHidden():
             self._notice.report("operator.no_certificate", error, self._then)
         else:
@@ -338,7 +338,7 @@ class CertificateButton(_IssueButton):
         self.watch.start(replace(state.request, first=first, second=second, revise=revise))
 
     def _issued(self, pdf: Path) -> None:
-        free = self.window().focusWidget() is None  # the operator may have gone on in the meantime
+        free = self.window().focusWidget() is None  # unless the operator has begun something else
         self._notice.ask(
             "good",
             "operator.certificate_printed" if self._again else "operator.certificate_issued",
@@ -368,7 +368,7 @@ class CertificatesButton(_IssueButton):
         self.setVisible(bool(self._source))
 
     def _begin(self, states: list[IssueState]) -> None:
-        """Issue the certificates that are missing, after two people have confirmed this if they must."""
+        """Issue the certificates that are missing, after confirmation by two people if it is required."""
         missing = [state for state in states if state.last is None]
         if not missing:
             self._notice.inform("none", "operator.certificates_exist", "", self._then)

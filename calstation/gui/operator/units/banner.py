@@ -13,7 +13,7 @@ from calstation.gui.widgets import draw_state, label, state_colour, theme
 _RIGHT_MARGIN, _MIN_GAP = 3 * theme.GRID, 0.4
 #: Maximum share of the width for the shape.
 _SHAPE_SHARE = 0.25
-#: Minimum enlargement of the verdict above which the unit is placed below it.
+#: Enlargement of the verdict above which the unit is placed below the verdict.
 _MIN_ENLARGEMENT = 1.3
 
 
@@ -66,7 +66,7 @@ class Banner(QWidget):
         return min(self.height(), int(_SHAPE_SHARE * self.width()))
 
     def _fit(self) -> None:
-        """Show both texts in one line or, if this makes the verdict much larger, the unit below the verdict."""
+        """Show the unit below the verdict if this makes the verdict much larger, otherwise both in one line."""
         room = self.width() - self._shape_width() - _RIGHT_MARGIN
         word, serial = (_width(widget.text()) for widget in (self.word, self.serial))
         size, alone = (

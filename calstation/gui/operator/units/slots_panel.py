@@ -1,4 +1,4 @@
-"""Panel with a tile for each slot of the table, in which the units of the next run are scanned."""
+"""Panel with a tile for each slot of the table, which shows the scanned unit of the next run."""
 
 from collections.abc import Mapping
 

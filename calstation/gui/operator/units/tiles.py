@@ -74,7 +74,7 @@ def _last_tip(serial: str, state: str) -> str:
 
 
 class _EmptyTile(QFrame):
-    """Place of a slot without a unit in the run, with the serial number and the final state of its last unit."""
+    """Tile of a slot without a unit in the run, with the serial number and the final state of its last unit."""
 
     def __init__(self, slot: str, last: tuple[str, str] | None) -> None:
         super().__init__()
@@ -98,7 +98,7 @@ class _EmptyTile(QFrame):
 def arrange_in_slots(layout: QGridLayout, tiles: Mapping[str, QWidget], names: Sequence[str], slots: Slots) -> None:
     """Replace the tiles in a grid with those of units by slot, each in the same cell as before the run.
 
-    `names` are the slots of the run, and `slots` contain the last units of those without a tile.
+    `names` are the slots of the run, and `slots` contain the last units of the slots without a tile.
     """
     last = slots.last_units
     arrange(layout, [tiles.get(name) or _EmptyTile(name, last.get(name)) for name in names])
@@ -125,11 +125,11 @@ class _UnitTile(Tile):
         self._icon.set_kind(kind)
         self._text.setText(text)
         self.show_selected(selected)
-        self._slot.setText(place_text(self.unit))
-        self.describe(place_text(self.unit), self.unit.serial, text)
+        self._slot.setText(slot_text(self.unit))
+        self.describe(slot_text(self.unit), self.unit.serial, text)
 
 
-def place_text(unit: UnitStatus) -> str:
+def slot_text(unit: UnitStatus) -> str:
     """Return the slot of a unit with the slot's own product, if it has one."""
     return f"{unit.slot} · {product_text(unit.product)}" if unit.product else unit.slot
 
@@ -150,7 +150,7 @@ class UnitTiles(QWidget):
         on_language_change(self, self.refresh)
 
     def start(self) -> None:
-        """Show the units of a new run, at the latest when the tiles are next shown."""
+        """Show the units of a new run now or, if the tiles are hidden, when they are next shown."""
         self._outdated = True
         self.refresh()
 

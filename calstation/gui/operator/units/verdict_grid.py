@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QFrame
 from calstation.gui.operator import advice
 from calstation.gui.operator.production import CertificatesButton, LabelButton, UnprintedNotice
 from calstation.gui.operator.units.banner import Banner
-from calstation.gui.operator.units.tiles import COLUMNS, Tile, arrange_in_slots, pass_clicks, place_text
+from calstation.gui.operator.units.tiles import COLUMNS, Tile, arrange_in_slots, pass_clicks, slot_text
 from calstation.gui.state import LEAVING, AppContext, UnitStatus, run_badge
 from calstation.gui.text import fault_text, say, term
 from calstation.gui.widgets import (
@@ -78,19 +78,19 @@ class _VerdictTile(Tile):
         if unit.fault is not None:
             fault = fault_text(unit.fault, engineer=False)
             brief = whole = (fault.text, fault.remedy)
-        self._banner.show_state(state, place_text(unit))
+        self._banner.show_state(state, slot_text(unit))
         for widget, text in zip((self.reason, self._action), whole if self.roomy else brief, strict=True):
             widget.setText(text)
         self.setToolTip(plain_tip("\n".join(whole)))
-        self.setAccessibleName(", ".join((place_text(unit), unit.serial, self._banner.word.text(), *whole)))
+        self.setAccessibleName(", ".join((slot_text(unit), unit.serial, self._banner.word.text(), *whole)))
 
 
 class VerdictGrid(QFrame):
     """Tiles with the verdicts on all units of a run, below a summary and buttons that apply to several units.
 
     `notice` reports on labels and certificates, `unprinted` on labels that were not printed, and `then` is called after
-    either has been closed. Signals: `opened()` after a click on a tile; `again(units)` to calibrate those failed
-    units again that are not to be set aside.
+    either has been closed. Signals: `opened()` after a click on a tile; `again(units)` to calibrate the failed units
+    again, except those to be set aside.
     """
 
     opened = Signal()
@@ -104,8 +104,8 @@ class VerdictGrid(QFrame):
         self._run, self._slots = app.run, app.slots
         self._tiles: list[_VerdictTile] = []
         self._prepared: dict[str, _VerdictTile] = {}
-        self._offered: list[Path] = []  #: Results that the buttons of labels and certificates apply to.
-        self._shown: list[tuple[object, ...]] = []  #: What the tiles show of each unit.
+        self._offered: list[Path] = []  #: Result files to which the buttons for labels and certificates apply.
+        self._shown: list[tuple[object, ...]] = []  #: State of each unit as the tiles show it.
         self._summary = StateBadge(_SUMMARY, "units_summary")
         self._again = button("again_button", pressed=lambda: self.again.emit(self._repeatable), kind="primary")
         self._labels = LabelButton(app, "labels_button", notice, then, unprinted=unprinted, all_units=True)
@@ -139,7 +139,7 @@ class VerdictGrid(QFrame):
         enable(self._again, why_not)
 
     def prepare(self) -> None:
-        """Create the tiles of the units that have a verdict, which then need not all be created at the end."""
+        """Create the tiles of units that have a verdict during the run, so that fewer are created at its end."""
         self._prepared = {
             unit.slot: self._tile(unit) for unit in self._run.units if unit.slot and unit.verdict is not None
         }
@@ -215,7 +215,7 @@ class VerdictGrid(QFrame):
             verdicts = {unit.verdict for unit in repeatable}
             both = len(verdicts) > 1
             again = "operator.again_faults" if Verdict.FAULT in verdicts else "operator.again"
-            if len(repeatable) == 1:  # the others may look the same
+            if len(repeatable) == 1:  # the tiles of the others may look the same
                 self._again.setText(say("operator.again_one", serial=repeatable[0].serial))
             else:
                 self._again.setText(say("operator.again_both" if both else again, count=len(repeatable)))
