@@ -109,11 +109,6 @@ class PortWatch(QObject):
         self._run.set_program(program)
 
 
-def _in_use(run: RunStatus) -> bool:
-    """Return whether the last run could not start because another program used a port."""
-    return run.fault is not None and run.fault.code in _IN_USE
-
-
 def prevented_by(run: RunStatus) -> Text | None:
-    """Return the other program that prevented the last run and still uses the station, or None."""
-    return run.other_program if _in_use(run) else None
+    """Return the text about the program that prevented the last run and still uses the station, or None."""
+    return run.other_program if run.fault is not None and run.fault.code in _IN_USE else None

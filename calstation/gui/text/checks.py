@@ -196,13 +196,8 @@ def _number(value: float, size: float, *limits: float | tuple[float, float]) -> 
         return f"< {_SMALLEST:.6f}"
     if abs(shown) >= _LARGEST:
         return f"> {_LARGEST:.0f}"
-    text = f"{shown:.0f}" if abs(shown) >= 1000.0 else _plain(f"{shown:.4g}")
+    text = f"{shown:.0f}" if abs(shown) >= 1000.0 else f"{Decimal(f'{shown:.4g}'):f}"
     return with_minus(compared_number(text, size, value, *limits))
-
-
-def _plain(text: str) -> str:
-    """Return a number without an exponent."""
-    return f"{Decimal(text):f}"
 
 
 def _limit(limit: float | tuple[float, float], size: float, value: float) -> str:
