@@ -66,7 +66,7 @@ def ask(
 
 
 def close_question(run: RunStatus) -> Text:
-    """Return what the window would interrupt by closing, and what is lost: a term of the family ``question``."""
+    """Return what closing the window would interrupt, and what is lost: a term of the family ``question``."""
     state = {"starting": "preparing", "pausing": "pause", "paused": "pause", "stopping": "end"}.get(run.state)
     state = state or (run.state if run.state == "preparing" else "run" if run.in_progress else "end")
     if state == "run" and (run.unloading or run.registers == "written"):

@@ -1,4 +1,4 @@
-"""The notice whether the chamber may be opened, and the reason why it must stay closed."""
+"""The notice that states whether the chamber may be opened, and the reason why it must stay closed."""
 
 from calstation.gui.state.run_status import RunStatus
 from calstation.gui.text import say

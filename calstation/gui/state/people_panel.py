@@ -23,12 +23,12 @@ ConfirmedCallback = Callable[[str, Person, Person | None], None]
 #: Number of lines below the fields that are reserved for a refusal.
 _REFUSAL_LINES = 2
 
-#: Object name of the button that closes the notice that nobody has signed in.
+#: Object name of the Close button of the notice that asks to sign in.
 _SIGN_IN = "sign_in_close_button"
 
 
 def ask_to_sign_in(app: AppContext, notice: NoticeBar, title: Words, text: Words, then: Callable[[], None]) -> None:
-    """Say that nobody has signed in, until somebody has; `then` is called after the notice has been closed."""
+    """Show a notice until an operator has signed in; `then` is called after the notice has been closed."""
 
     def remove() -> None:
         if app.badge_required:

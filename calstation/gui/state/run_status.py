@@ -256,7 +256,7 @@ class RunStatus(QObject):
         self._set("problem", problem)
 
     def set_missing(self, missing: str, *, asking: bool) -> None:
-        """Set what an operator must do before the next run, or "", and whether a question on the page is open."""
+        """Set what an operator must do before the next run ("" for nothing), and whether a question is open."""
         self._set("asking", asking)
         self._set("missing", missing)
 
@@ -362,7 +362,7 @@ class RunStatus(QObject):
 
     @property
     def other_program(self) -> Text | None:
-        """`program`, unless it is the first window of the station, which `elsewhere` describes."""
+        """`program`, or None if this program is the first window of the station, which `elsewhere` describes."""
         return self.program if self.elsewhere is None else None
 
     @property

@@ -33,9 +33,9 @@ _WORST = ("failed", "fault", "stopped", "incomplete", "partial", "passed")
 
 
 class RunStrip(QWidget):
-    """A strip that shows the status of the current run, the stage below the unit.
+    """A strip with the units and the state of the current run above the current stage.
 
-    While there is no run, it shows what an operator must do before the next one, unless `show_idle` replaces this.
+    While there is no run, the strip shows what an operator must do before the next run, or the text of `show_idle`.
     """
 
     def __init__(self, run: RunStatus) -> None:

@@ -4,7 +4,7 @@ from calstation.sequencer import Event, JointsMoved, StateChanged, TableMoved
 
 
 class TableStatus:
-    """Whether a safe stop has brought the table to rest and switched its axes off, unless a command of it failed."""
+    """Whether the table is at rest after a safe stop; commands that failed are not considered."""
 
     def __init__(self) -> None:
         self.stopped = False

@@ -211,7 +211,7 @@ class UnitStatus:
                 if event.verdict in (Verdict.STOPPED, Verdict.FAULT):
                     self._end_stage(event.verdict)
                 if self.slot and (self.fault is None or not self.fault.slot):
-                    # the unit may have passed before a fault of the table, or only the result may contain its own fault
+                    # the unit may have passed before a fault of the table; its own fault may be only in the result
                     self.fault = None if self.result.fault is None else Fault.of(self.result.fault)
                 if self.result.verdict.judged:  # otherwise later stages might have improved the values
                     for row in self.stages:

@@ -201,7 +201,7 @@ class FlagBox(QCheckBox):
 
 
 class LimitedSpin(QDoubleSpinBox):
-    """A number input without buttons that keeps its value, and emits `rejected(text)`, if a wrong text is entered.
+    """A number input without buttons; if a wrong text is entered, it keeps its value and emits `rejected(text)`.
 
     Any text can be typed, because ignoring a digit would change the number. A rejected text remains in the input until
     it is corrected, so that nobody mistakes the value for the entered number; then `rejected("")` is emitted.
@@ -239,12 +239,12 @@ class LimitedSpin(QDoubleSpinBox):
         super().stepBy(steps)
 
     def setSpecialValueText(self, text: str) -> None:
-        """Set the text of the smallest value, but keep a rejected text, which Qt replaces."""
+        """Set the text of the smallest value, but keep a rejected text, which Qt would replace."""
         super().setSpecialValueText(text)
         self._check_entered()
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Keep a rejected text, which Qt replaces."""
+        """Keep a rejected text, which Qt would replace."""
         super().showEvent(event)
         self._check_entered()
 

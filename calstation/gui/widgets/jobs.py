@@ -22,7 +22,7 @@ Slot = Callable[..., object] | None
 
 
 class JobWatch(QObject):
-    """A watch that polls one job at a time; `done`, `failed` and `cancelled` are slots for its signals of these names.
+    """A watch that polls one job at a time; `done`, `failed` and `cancelled` are slots for the signals of that name.
 
     `submit` queues a job that is started; a newer job replaces the previous one, whose result is then ignored.
 

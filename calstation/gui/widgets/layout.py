@@ -144,7 +144,7 @@ def split(
 
 
 class DataView(Generic[Data]):
-    """Mixin for a widget that draws data, which must register `refresh` for changes of language or theme."""
+    """Mixin for a widget that draws data; the widget must register `refresh` for changes of language or theme."""
 
     data: Data | None = None
 

@@ -69,7 +69,7 @@ class NoticeBar(QFrame):
         return self._kind == "good" and not self.isHidden()
 
     def ask(self, kind: str, title: Words, text: Words, choices: Sequence[Choice] = ()) -> None:
-        """Show a notice of one of `badge.KINDS` with its choices from left to right; an empty text is hidden."""
+        """Show a notice with a badge shape of `badge.KINDS` and choices from left to right; an empty text is hidden."""
         self.dismiss()
         self._kind, self._title, self._text, self._choices = kind, title, text, choices
         self._icon.set_kind(kind)

@@ -70,7 +70,7 @@ def align_columns(cells: Mapping[str, dict[str, str]], columns: Iterable[str]) -
 
 
 class ParameterModel(QAbstractTableModel):
-    """A table model with parameters as rows and their names, as in files, as the vertical header.
+    """A table model with a row for each parameter; the vertical header contains the names as in files.
 
     The accessible text of a name is its display name, which `NameHeader` draws. If `grouped`, every second group of
     parameters is shaded.

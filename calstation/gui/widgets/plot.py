@@ -316,7 +316,7 @@ class PlotMenu(QMenu):
 class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
     """A plot with two axes in the colours of the current theme, with a menu to copy and save it.
 
-    The user can zoom it (see `ZoomBox`), unless `zoom` is False. `counts` is the side of an axis of whole numbers.
+    The user can zoom it (see `ZoomBox`), unless `zoom` is False. `counts` is the side of an axis for counts.
     """
 
     def __init__(self, parent: QWidget | None = None, *, zoom: bool = True, counts: str = "") -> None:

@@ -177,7 +177,7 @@ class TemperatureCurves(StackedPlots[Result]):
                     )
 
     def _legend(self, data: Result, over: TemperatureResult, name: str) -> list[tuple[str, str]]:
-        """Return the symbols of the directions that occur, and the meaning of hollow ones and of the lines."""
+        """Return the symbols of the directions that occur, and the meanings of hollow symbols and of the lines."""
         c = theme.colours()
         parts = [
             (f"{letter} {say(f'common.way_{way}')}", theme.axis_text(axis))

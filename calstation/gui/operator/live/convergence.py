@@ -31,7 +31,7 @@ _LABELS, _LABELS_SHARE = 38 * theme.GRID, 0.52
 class Line:
     """Ratio of the sigma of a group to its `target`, SI, over device time, s.
 
-    The target is one of a stage if `own`, otherwise the product's limit.
+    The target is that of a stage if `own`, otherwise the product's limit.
     """
 
     target: float
