@@ -34,14 +34,7 @@ from calstation.gui.operator.starting import RunStarter
 from calstation.gui.operator.units import SlotsPanel, VerdictGrid
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.state import AppContext, EventLog, ExchangeLabel, Page, run_badge
-from calstation.gui.text import (
-    language,
-    offered_products,
-    on_language_change,
-    rendered,
-    say,
-    term,
-)
+from calstation.gui.text import language, offered_products, on_language_change, rendered, say, term
 from calstation.gui.widgets import (
     ROW,
     STEPS,
