@@ -419,7 +419,7 @@ class RunStarter(QObject):
         name = self.slots.last(serial)
         if not name and (interrupted := resumable_run(self._app.history(), serial, station)) is not None:
             name = interrupted.slot or ""
-        return self.slots.free(name)
+        return self.slots.fillable(name)
 
     def _await_start(self) -> None:
         """Move the focus to START or, if a badge is required, to the badge field."""

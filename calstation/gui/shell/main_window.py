@@ -55,7 +55,7 @@ _CREATION_DELAY_MS = 50
 _PREPARATION_DELAY_MS = 1000
 
 #: Maximum time between two characters of a scan outside the field for scans, s, and minimum length of such a scan.
-_SCAN_PAUSE, _SHORTEST_SCAN = 0.3, 4
+_MAX_SCAN_PAUSE, _MIN_SCAN_LENGTH = 0.3, 4
 
 
 class _Tab(QWidget):
@@ -281,11 +281,11 @@ class MainWindow(QMainWindow):
     def _collect(self, event: QKeyEvent) -> bool:
         """Collect the characters of a scan on another page or during a run; enter the scan on the operator page."""
         now, text = time.monotonic(), event.text()
-        scan = self._scan[1] if now - self._scan[0] < _SCAN_PAUSE else ""
+        scan = self._scan[1] if now - self._scan[0] < _MAX_SCAN_PAUSE else ""
         if text.isprintable() and text:
             self._scan = now, scan + text
             return True
-        if event.key() not in (Qt.Key.Key_Return, Qt.Key.Key_Enter) or len(scan) < _SHORTEST_SCAN:
+        if event.key() not in (Qt.Key.Key_Return, Qt.Key.Key_Enter) or len(scan) < _MIN_SCAN_LENGTH:
             return False
         self._scan = now, ""
         self.show_page("operator_page")

@@ -91,10 +91,10 @@ class Slots(QObject):
         """Return the name of the slot in which a unit was last, or ""."""
         return next((name for name, last in self.last_units.items() if last[0] == serial), "")
 
-    def free(self, name: str) -> Slot | None:
+    def fillable(self, name: str) -> Slot | None:
         """Return the named slot if a scan can fill it and no slot is selected, otherwise None."""
-        free = [slot for slot in self._slots if slot.open or slot.suggested or slot.left_out]
-        return None if self._chosen is not None else next((slot for slot in free if slot.name == name), None)
+        fillable = [slot for slot in self._slots if slot.open or slot.suggested or slot.left_out]
+        return None if self._chosen is not None else next((slot for slot in fillable if slot.name == name), None)
 
     @property
     def last_units(self) -> dict[str, tuple[str, str]]:

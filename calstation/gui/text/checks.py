@@ -41,7 +41,7 @@ _PRODUCT_KINDS = (
 #: Maximum number of names of checks in a line.
 _MAX_NAMES = 3
 #: Smallest and largest value that is shown as a number.
-_SMALLEST, _LARGEST = 1e-6, 1e9
+_MIN_SHOWN, _MAX_SHOWN = 1e-6, 1e9
 
 #: Display unit and its size for each unit of a check that does not compare a parameter; large angles are in °.
 _DISPLAY_UNITS = {"m/s²": ("µg", MICRO_G), "rad": ("″", ARCSECOND), "sigma": ("σ", 1.0), "1": ("", 1.0)}
@@ -192,10 +192,10 @@ def _number(value: float, size: float, *limits: float | tuple[float, float]) -> 
     if not math.isfinite(value):
         return "–"
     shown = value / size
-    if 0.0 < abs(shown) < _SMALLEST:
-        return f"< {_SMALLEST:.6f}"
-    if abs(shown) >= _LARGEST:
-        return f"> {_LARGEST:.0f}"
+    if 0.0 < abs(shown) < _MIN_SHOWN:
+        return f"< {_MIN_SHOWN:.6f}"
+    if abs(shown) >= _MAX_SHOWN:
+        return f"> {_MAX_SHOWN:.0f}"
     text = f"{shown:.0f}" if abs(shown) >= 1000.0 else f"{Decimal(f'{shown:.4g}'):f}"
     return with_minus(compared_number(text, size, value, *limits))
 

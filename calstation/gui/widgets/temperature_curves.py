@@ -16,12 +16,12 @@ from calstation.physics import FloatArray, display, number
 from calstation.results import Result, TemperatureResult
 
 #: Symbol in plots, symbol in the legend, and axis whose colour is used, for each direction of temperature change.
-_WAYS = {"up": ("t1", "▲", "y"), "down": ("t", "▼", "x"), "soak": ("o", "●", "z")}
-#: Part of the range of temperatures that is drawn beyond each end.
-_BEYOND = 0.06
+_DIRECTIONS = {"up": ("t1", "▲", "y"), "down": ("t", "▼", "x"), "soak": ("o", "●", "z")}
+#: Margin of the temperature axis at each end, as a fraction of the range.
+_MARGIN = 0.06
 _AXIS_WIDTH = 8 * theme.GRID
-#: Smallest height at which both plots are shown, px.
-_BOTH = 36 * theme.GRID
+#: Minimum height at which both plots are shown, px.
+_MIN_HEIGHT_FOR_BOTH = 36 * theme.GRID
 
 
 class TemperatureCurves(StackedPlots[Result]):
@@ -67,7 +67,7 @@ class TemperatureCurves(StackedPlots[Result]):
 
     def _arrange(self) -> None:
         """Show the plot of differences if there is space, otherwise the temperature axis of the upper plot."""
-        both = len(self.plots) > 1 and self.height() >= _BOTH
+        both = len(self.plots) > 1 and self.height() >= _MIN_HEIGHT_FOR_BOTH
         for plot in self.plots[1:]:
             plot.setVisible(both)
         axis = self.plots[0].getAxis("bottom")
@@ -99,8 +99,8 @@ class TemperatureCurves(StackedPlots[Result]):
         if len(self.plots) > 1:
             self.plots[1].setLabel("left", say("common.minus_curve", unit=unit))
         low, high = over.range_c
-        beyond = _BEYOND * (high - low)
-        self.plots[0].setXRange(low - beyond, high + beyond, padding=0.0)
+        margin = _MARGIN * (high - low)
+        self.plots[0].setXRange(low - margin, high + margin, padding=0.0)
         self._fit()
         self._note.say(self._legend(data, over, name))
 
@@ -151,7 +151,7 @@ class TemperatureCurves(StackedPlots[Result]):
         curve = size * data.curve(name, at)[0]
         for plot, y in zip(self.plots, (values, values - curve), strict=False):
             for k, point in enumerate(points):
-                symbol, _, axis = _WAYS[point.way]
+                symbol, _, axis = _DIRECTIONS[point.way]
                 colour = QColor(theme.axis_text(axis))
                 pen = theme.pen(colour, 1.5)
                 bar = pg.ErrorBarItem(x=at[[k]], y=y[[k]], height=2.0 * sigmas[[k]], beam=1.2, pen=pen)
@@ -181,7 +181,7 @@ class TemperatureCurves(StackedPlots[Result]):
         c = theme.colours()
         parts = [
             (f"{letter} {say(f'common.way_{way}')}", theme.axis_text(axis))
-            for way, (_, letter, axis) in _WAYS.items()
+            for way, (_, letter, axis) in _DIRECTIONS.items()
             if any(point.way == way for point in over.points)
         ]
         if any(point.held_out for point in over.points):
