@@ -2,16 +2,16 @@
 
 from pathlib import Path
 
-from calstation.devices.imu import Step
+from calstation.devices.imu import TransferStep
 from calstation.registers import Purpose, Transfer, journal
 
 #: Steps of a transfer that is written, but not verified.
-WRITTEN = (Step.WRITTEN, Step.COMMITTING, Step.COMMITTED, Step.RESTARTED)
+WRITTEN = (TransferStep.WRITTEN, TransferStep.COMMITTING, TransferStep.COMMITTED, TransferStep.RESTARTED)
 
 
-def write_open_transfer(runs: Path, serial: str, *steps: Step) -> Transfer:
+def write_open_transfer(runs: Path, serial: str, *steps: TransferStep) -> Transfer:
     """Record a transfer and its steps; by default, it was interrupted while the registers were written."""
     entry = journal.begin(runs, serial, {}, {"gyro_bias_x": 1e-6}, Purpose("Li Na", "run", "a.h5"))
-    for step in steps or (Step.WRITTEN, Step.COMMITTING):
+    for step in steps or (TransferStep.WRITTEN, TransferStep.COMMITTING):
         entry.note(step)
     return entry

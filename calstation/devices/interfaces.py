@@ -131,7 +131,7 @@ class Table(Protocol):
 
 
 class Gimbal(Table, Protocol):
-    """A three-joint gimbal, which stabilises the unit by its corrected rates; `home` moves to zero and locks."""
+    """A three-joint gimbal, which stabilises the unit with its corrected rates; `home` moves to zero and locks."""
 
     def lock(self) -> None:
         """Lock the joints and start to average the gyro output, which gives the gyro bias."""
@@ -153,7 +153,7 @@ class Gimbal(Table, Protocol):
 class ChamberStatus:
     """State of a thermal chamber, as returned by one poll.
 
-    air_c, set_point_c : temperature of the air by the chamber's own sensor, and its set point, °C
+    air_c, set_point_c : air temperature measured by the chamber, and its set point, °C
     running : whether the chamber controls its temperature
     door_open : whether the door is open; None if the chamber does not report it
     alarm : name of the alarm, or None
@@ -170,7 +170,7 @@ class Chamber(Protocol):
     """A thermal chamber. Every call has a time limit and raises DeviceFaultError if it fails."""
 
     def identify(self) -> str:
-        """Return the identity that the chamber reports, or the model in the profile if it has no such query."""
+        """Return the identity that the chamber reports, or the model in the profile if it reports none."""
 
     def status(self) -> ChamberStatus:
         """Poll the state of the chamber."""

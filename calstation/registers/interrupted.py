@@ -8,7 +8,7 @@ from typing import Literal
 from calstation.config import RunConfiguration
 from calstation.connection import Devices, ImuSession, capture_rest
 from calstation.devices import Imu
-from calstation.devices.imu import Closing, FlashContent, TransferResult, finish, read_flash_content, restore
+from calstation.devices.imu import FlashContent, TransferOutcome, TransferResult, finish, read_flash_content, restore
 from calstation.registers import journal
 from calstation.registers.journal import Transfer, journal_folder
 from calstation.registers.preconditions import check_unit_model, undecided
@@ -58,7 +58,7 @@ def registers_changed(folder: Path, serial: str, since: str) -> bool:
     since : time, ISO 8601 in UTC with seconds
     """
     transfers = journal.history(folder, serial)
-    return any(each.steps and each.closing != Closing.KEPT and each.utc >= since for each in transfers)
+    return any(each.steps and each.closing != TransferOutcome.KEPT and each.utc >= since for each in transfers)
 
 
 def recover_interrupted(
@@ -82,7 +82,7 @@ def recover_interrupted(
     holds = read_flash_content(imu, entry, registers)
     values = {"serial": entry.serial, "holds": holds, "utc": entry.utc, "by": entry.by, "why": entry.why}
     if holds is FlashContent.OLD:
-        entry.close(Closing.KEPT)
+        entry.close(TransferOutcome.KEPT)
         imu.start()
         emit(Message("transfer_kept", values))
         return None

@@ -20,7 +20,7 @@ from urllib.parse import quote, unquote
 from pydantic import BaseModel, Field
 
 from calstation.config import RunConfiguration, StationConfig, site_folder
-from calstation.devices.imu import Closing, Step
+from calstation.devices.imu import TransferOutcome, TransferStep
 from calstation.devices.profiles import RegisterEntry
 from calstation.errors import ConfigurationError
 from calstation.messages import Text, os_reason
@@ -90,13 +90,13 @@ class _Intended(BaseModel):
 class _StepTaken(BaseModel):
     event: Literal["step"]
     id: str
-    step: Step
+    step: TransferStep
 
 
 class _Closed(BaseModel):
     event: Literal["closed"]
     id: str
-    closing: Closing
+    closing: TransferOutcome
 
 
 _Line = Annotated[_Intended | _StepTaken | _Closed, Field(discriminator="event")]
@@ -104,7 +104,7 @@ _Line = Annotated[_Intended | _StepTaken | _Closed, Field(discriminator="event")
 
 @dataclass
 class Transfer:
-    """One transfer as recorded in the journal; implements `devices.imu.Entry`. `id` increases with time.
+    """One transfer as recorded in the journal; implements `devices.imu.JournalEntry`. `id` increases with time.
 
     old, new : the unit's registers before the transfer, and the intended ones, by parameter, SI
     closing : how the transfer ended; None while it is open
@@ -123,12 +123,12 @@ class Transfer:
     steps: list[str] = field(default_factory=list)
     closing: str | None = None
 
-    def note(self, step: Step) -> None:
+    def note(self, step: TransferStep) -> None:
         """Record a step. Raises ConfigurationError if it cannot be written."""
         _append(self.path, {"event": "step", "id": self.id, "utc": _now(), "step": step})
         self.steps.append(str(step))
 
-    def close(self, closing: Closing) -> None:
+    def close(self, closing: TransferOutcome) -> None:
         """Record how the transfer ended. Raises ConfigurationError if it cannot be written."""
         _append(self.path, {"event": "closed", "id": self.id, "utc": _now(), "closing": closing})
         self.closing = str(closing)
@@ -136,12 +136,12 @@ class Transfer:
     @property
     def written(self) -> bool:
         """Whether the restarted unit has its new registers, so that only their verification is missing."""
-        return self.steps[-1:] == [Step.RESTARTED] and Step.RESTORING not in self.steps
+        return self.steps[-1:] == [TransferStep.RESTARTED] and TransferStep.RESTORING not in self.steps
 
     @property
     def cycles(self) -> int:
         """Number of flash cycles that the transfer used."""
-        return self.steps.count(Step.COMMITTING)
+        return self.steps.count(TransferStep.COMMITTING)
 
 
 def journal_folder(station: StationConfig, runs: Path) -> Path:
@@ -189,7 +189,9 @@ def history(folder: Path, serial: str) -> list[Transfer]:
 
 def in_unit(transfers: Sequence[Transfer]) -> Transfer | None:
     """Return the latest transfer whose new values are in the unit or may be; None if it was reverted or never began."""
-    return next((each for each in reversed(transfers) if each.steps and each.closing in (None, Closing.DONE)), None)
+    return next(
+        (each for each in reversed(transfers) if each.steps and each.closing in (None, TransferOutcome.DONE)), None
+    )
 
 
 def interrupted(folder: Path, serial: str) -> Transfer | None:

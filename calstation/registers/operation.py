@@ -21,10 +21,10 @@ from calstation.config import (
 from calstation.connection import Devices, capture_rest, open_devices, open_imu_session
 from calstation.devices import Imu, ImuIdentity
 from calstation.devices.imu import (
-    Closing,
     FlashContent,
-    Step,
+    TransferOutcome,
     TransferResult,
+    TransferStep,
     check_serial,
     finish,
     read_flash_content,
@@ -67,7 +67,7 @@ from calstation.sequencer import (
 #: Function that processes commands of the operator and raises StopRequested after a stop command.
 CheckCancelled = Callable[[], None]
 
-_VERIFIED_BY = {Step.TURNED: "turn", Step.AT_REST: "rest"}
+_VERIFIED_BY = {TransferStep.VERIFIED_ROTATING: "turn", TransferStep.VERIFIED_AT_REST: "rest"}
 
 
 def moves_table(operation: RegisterOperation) -> bool:
@@ -187,8 +187,8 @@ class _ActiveOperation:
         if self.entry is None:
             check_no_interrupted(imu, self.setup, request.out)
         elif self.restoring and read_flash_content(imu, self.entry, self.setup.register_map) is FlashContent.OLD:
-            self.entry.close(Closing.KEPT)
-            return self._settled(self.entry.old, Closing.KEPT, "")
+            self.entry.close(TransferOutcome.KEPT)
+            return self._settled(self.entry.old, TransferOutcome.KEPT, "")
         return None
 
     def write(self, imu: Imu) -> TransferResult:
@@ -231,9 +231,11 @@ class _ActiveOperation:
         proof = _VERIFIED_BY.get(verification_step(data), "read_back")
         message = "registers_read_back" if proof == "read_back" else "registers_proved"
         self.emit(Message(message, {"count": len(transferred.registers_read), "proof": proof}))
-        return self._settled(transferred.registers_read, Closing.RESTORED if self.restoring else Closing.DONE, proof)
+        return self._settled(
+            transferred.registers_read, TransferOutcome.RESTORED if self.restoring else TransferOutcome.DONE, proof
+        )
 
-    def _settled(self, values: Mapping[str, float], closing: Closing, proof: str) -> Settled:
+    def _settled(self, values: Mapping[str, float], closing: TransferOutcome, proof: str) -> Settled:
         request = self.operation.request
         unit = unit_registers(self.setup, self.identity, values, request.out)
         return Settled(request.serial, str(closing), proof, unit.to_json())

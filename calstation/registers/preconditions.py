@@ -8,7 +8,7 @@ from pathlib import Path
 
 from calstation.config import RunConfiguration
 from calstation.devices import Imu
-from calstation.devices.imu import Closing, FlashContent, read_flash_content
+from calstation.devices.imu import FlashContent, TransferOutcome, read_flash_content
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.registers import journal
 from calstation.registers.journal import Transfer, journal_folder, map_digest
@@ -81,7 +81,7 @@ def check_no_interrupted(imu: Imu, setup: RunConfiguration, runs: Path) -> None:
         holds = read_flash_content(imu, entry, setup.register_map)
         if holds is not FlashContent.OLD:
             raise undecided(entry, holds)
-        entry.close(Closing.KEPT)
+        entry.close(TransferOutcome.KEPT)
 
 
 def undecided(entry: Transfer, holds: FlashContent) -> DeviceFaultError:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calstation.config import StationConfig, site_folder
-from calstation.devices.imu import Closing
+from calstation.devices.imu import TransferOutcome
 from calstation.messages import Text
 from calstation.registers import journal
 from calstation.registers.journal import Transfer, journal_folder
@@ -27,7 +27,7 @@ class RunRegisters:
     @property
     def verified(self) -> bool:
         """Whether the run, or a later start, has verified the output of the unit with these registers."""
-        return self.registers.verified or self._closing == Closing.DONE
+        return self.registers.verified or self._closing == TransferOutcome.DONE
 
     @property
     def replaced(self) -> bool:
@@ -59,7 +59,7 @@ class RunRegisters:
 
     @property
     def _restored(self) -> bool:
-        return self._closing in (Closing.KEPT, Closing.RESTORED)
+        return self._closing in (TransferOutcome.KEPT, TransferOutcome.RESTORED)
 
     @property
     def _closing(self) -> str | None:

@@ -160,7 +160,7 @@ def unit_registers(
 
 
 def _rows(entries: RegisterMap, values: Mapping[str, float]) -> tuple[Register, ...]:
-    return tuple(Register(address, name, values[name], raw) for address, name, raw in entries.stored(values))
+    return tuple(Register(address, name, values[name], raw) for address, name, raw in entries.hex_contents(values))
 
 
 def ranges_of(addresses: Iterable[int]) -> str:

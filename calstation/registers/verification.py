@@ -20,7 +20,7 @@ import numpy as np
 
 from calstation.config import RunConfiguration
 from calstation.devices import Imu
-from calstation.devices.imu import Closing, Entry, RegisterMap, Step, TransferResult, restore
+from calstation.devices.imu import JournalEntry, RegisterMap, TransferOutcome, TransferResult, TransferStep, restore
 from calstation.errors import DeviceFaultError
 from calstation.estimation.common import ImuModel, Posterior, SolveContext, filter_noise
 from calstation.estimation.effects import effect_errors
@@ -117,8 +117,8 @@ def finish_restored(setup: RunConfiguration, transferred: TransferResult, data: 
     """Close the transfer of restored registers. Raises DeviceFaultError afterwards if the output is wrong."""
     entry = transferred.entry
     failed = [check for check in _prior_checks(setup, transferred, data, restored=True) if not check.passed]
-    entry.note(Step.REFUTED if failed else verification_step(data))
-    entry.close(Closing.RESTORED)
+    entry.note(TransferStep.VERIFICATION_FAILED if failed else verification_step(data))
+    entry.close(TransferOutcome.RESTORED)
     if failed:
         raise _check_error("verification.old_wrong", failed[0])
 
@@ -126,7 +126,7 @@ def finish_restored(setup: RunConfiguration, transferred: TransferResult, data: 
 def close_checked(
     imu: Imu,
     registers: RegisterMap,
-    entry: Entry,
+    entry: JournalEntry,
     checks: Sequence[VerificationCheck],
     data: VerificationData,
     on_restored: Callable[[Mapping[str, float]], None] = lambda values: None,
@@ -143,19 +143,23 @@ def close_checked(
     on_restored : function that is called with the restored registers that were read back, SI by parameter
     """
     failed = next((check for check in checks if not check.passed), None)
-    entry.note(verification_step(data) if failed is None else Step.REFUTED)
+    entry.note(verification_step(data) if failed is None else TransferStep.VERIFICATION_FAILED)
     if failed is None:
-        entry.close(Closing.DONE)
+        entry.close(TransferOutcome.DONE)
         return
     on_restored(restore(imu, registers, entry))
     raise _check_error("verification.differs" if failed.name in _DIFFERENCES else "verification.wrong", failed)
 
 
-def verification_step(data: VerificationData) -> Step:
+def verification_step(data: VerificationData) -> TransferStep:
     """Return the journal step that records the verification of these data."""
     if not data.corrected:
-        return Step.READ_BACK
-    return Step.TURNED if data.turns or data.drifts or len(data.carried) else Step.AT_REST
+        return TransferStep.READ_BACK
+    return (
+        TransferStep.VERIFIED_ROTATING
+        if data.turns or data.drifts or len(data.carried)
+        else TransferStep.VERIFIED_AT_REST
+    )
 
 
 def verified_on(data: VerificationData) -> str:

@@ -78,7 +78,7 @@ def current_calibration(
             continue
         if not same_imu or result.temperature is not None:  # at an unknown temperature, polynomials give no prior
             continue
-        if registers_read is not None and entries.differing(registers.new, registers_read):
+        if registers_read is not None and entries.differing_parameters(registers.new, registers_read):
             reason = Message("prior_other_registers", {"serial": serial})
             continue
         section = CalibrationSection(log=record.log.name, started_utc=record.started_utc)

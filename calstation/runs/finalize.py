@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from calstation.devices import Imu
-from calstation.devices.imu import Entry, TransferResult, flash_registers, transfer
+from calstation.devices.imu import JournalEntry, TransferResult, restart_and_read_registers, transfer
 from calstation.errors import CalstationError
 from calstation.estimation import Solution
 from calstation.estimation.common import Posterior
@@ -122,7 +122,7 @@ class Finalization:
         run = self.run
         # Only this thread may write the log, so the registers are read and logged before the transfer begins.
         run.emit(Message("registers_reading"))
-        self._old = old = run_in_background(lambda: flash_registers(self.imu))
+        self._old = old = run_in_background(lambda: restart_and_read_registers(self.imu))
         run.set_registers(old)
         run.log.event({"event": "OldRegisters", "registers": dict(old)})
         run_in_background(run.log.begin_sync().result)
@@ -244,7 +244,7 @@ class Finalization:
         over, self._fit = _over_temperature(solutions), solutions[-1].temperature
         return estimates | zeros | (over.registers if over is not None else {})
 
-    def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
+    def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> JournalEntry:
         log = self.run.log.path
         folder = journal_folder(self._setup.station, log.parent)
         purpose = Purpose.of(self._setup, self.imu.identify().model, "run", log.name)

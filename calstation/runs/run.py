@@ -9,7 +9,7 @@ from calstation import applog
 from calstation.config import RunConfiguration, RunRequest
 from calstation.connection import Devices, PortLockError, open_devices
 from calstation.devices import Imu
-from calstation.devices.imu import flash_registers
+from calstation.devices.imu import restart_and_read_registers
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.estimation import Solution
 from calstation.judgement import require_latitude
@@ -161,7 +161,7 @@ def _registers(imu: Imu, setup: RunConfiguration) -> dict[str, float]:
     """
     uncommitted = setup.after_registers or setup.table.gimbal is not None
     if uncommitted and imu.identify().serial == setup.request.serial:
-        return flash_registers(imu)
+        return restart_and_read_registers(imu)
     return imu.read_registers()
 
 

@@ -113,7 +113,7 @@ def test_registers_are_read_page_by_page_while_the_stream_is_off() -> None:
     with driver([ON, *pairs, ON]) as (imu, link):
         imu.start()
         found = imu.read_registers()
-        assert MAP.differing(VALUES, found) == []
+        assert MAP.differing_parameters(VALUES, found) == []
         assert link.finished
 
 
@@ -231,5 +231,5 @@ def test_stream_is_not_stopped_for_a_unit_that_allows_requests_while_streaming()
     profile = PROFILE.model_copy(update={"modbus": talks})
     pairs = [read(address, words) for (_, address), words in wire(VALUES).items()]
     with driver(pairs, profile) as (imu, link):
-        assert MAP.differing(VALUES, imu.read_registers()) == []
+        assert MAP.differing_parameters(VALUES, imu.read_registers()) == []
         assert link.finished

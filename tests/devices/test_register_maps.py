@@ -117,8 +117,8 @@ def test_valid_values_survive_encoding_within_register_resolution(name: str, dat
     for parameter, value in values.items():
         assert contents[parameter] == pytest.approx(value, abs=2e-4 if "lever" in parameter else 2e-7)
     again = entries.rounded(contents)
-    assert entries.differing(contents, again) == []
-    assert entries.differing(contents, entries.decode(entries.encode(contents))) == []
+    assert entries.differing_parameters(contents, again) == []
+    assert entries.differing_parameters(contents, entries.decode(entries.encode(contents))) == []
 
 
 def test_vectornav_identity_matrix_is_a_zero_calibration() -> None:
@@ -134,24 +134,24 @@ def test_read_back_tolerates_only_rounding() -> None:
     entries = map_of("vectornav_vn100")
     wanted = entries.rounded({**dict.fromkeys(entries.parameters, 0.0), "gyro_scale_x": 1.2345678e-3})
     seven_digits = {k: [float(f"{v:.6E}") for v in row] for k, row in entries.encode(wanted).items()}
-    assert entries.differing(wanted, entries.decode(seven_digits)) == []
+    assert entries.differing_parameters(wanted, entries.decode(seven_digits)) == []
     seven_digits[84][0] += 2e-6
-    assert entries.differing(wanted, entries.decode(seven_digits)) == ["gyro_scale_x"]
+    assert entries.differing_parameters(wanted, entries.decode(seven_digits)) == ["gyro_scale_x"]
     seven_digits[84][0] = float("nan")
-    assert "gyro_scale_x" in entries.differing(wanted, entries.decode(seven_digits))
+    assert "gyro_scale_x" in entries.differing_parameters(wanted, entries.decode(seven_digits))
 
 
 def test_read_back_without_a_tolerance_compares_every_bit() -> None:
     entries = map_of("bench_nav")
     zero = dict.fromkeys(entries.parameters, 0.0)
     one_step = float(np.nextafter(np.float32(1e-5), np.float32(1)))
-    assert entries.differing({**zero, "gyro_bias_x": float(np.float32(1e-5))}, {**zero, "gyro_bias_x": one_step}) == [
-        "gyro_bias_x"
-    ]
-    assert entries.differing(zero, {**zero, "accel_bias_z": -0.0}) == ["accel_bias_z"]
+    assert entries.differing_parameters(
+        {**zero, "gyro_bias_x": float(np.float32(1e-5))}, {**zero, "gyro_bias_x": one_step}
+    ) == ["gyro_bias_x"]
+    assert entries.differing_parameters(zero, {**zero, "accel_bias_z": -0.0}) == ["accel_bias_z"]
     nan = {**zero, "accel_bias_z": float("nan")}
-    assert entries.differing(nan, nan) == []
-    assert entries.differing({"gyro_bias_x": 0.0}, {}) == ["gyro_bias_x"]
+    assert entries.differing_parameters(nan, nan) == []
+    assert entries.differing_parameters({"gyro_bias_x": 0.0}, {}) == ["gyro_bias_x"]
 
 
 def test_matrix_can_be_stored_in_column_major_order() -> None:
@@ -172,9 +172,9 @@ def test_negative_scale_inverts_the_sign() -> None:
 
 
 def test_stored_register_values_are_shown_as_hexadecimal() -> None:
-    rows = map_of("bench_nav").stored({"gyro_bias_y": 1.0 / 64})
+    rows = map_of("bench_nav").hex_contents({"gyro_bias_y": 1.0 / 64})
     assert rows == [(1, "gyro_bias_y", "3C800000")]
-    stored = {name: raw for _, name, raw in map_of("dsp_modbus").stored({"accel_bias_x": -1e-7})}
+    stored = {name: raw for _, name, raw in map_of("dsp_modbus").hex_contents({"accel_bias_x": -1e-7})}
     assert stored == {"accel_bias_x": "FFFFFFFF"}
 
 

@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 
 from calstation.devices import ImuIdentity, LinkStats, SampleBatch
-from calstation.devices.imu import Closing, FlashContent, Step, finish, read_flash_content, restore, transfer
+from calstation.devices.imu import (
+    FlashContent,
+    TransferOutcome,
+    TransferStep,
+    finish,
+    read_flash_content,
+    restore,
+    transfer,
+)
 from calstation.errors import ConfigurationError, DeviceFaultError
 from tests.devices.powered_unit import MAP, NAMES, SERIAL, Unit
 from tests.helpers import raises_code
@@ -27,12 +35,12 @@ class FakeEntry:
     steps: list[str] = field(default_factory=list)
     closing: str | None = None
 
-    def note(self, step: Step) -> None:
+    def note(self, step: TransferStep) -> None:
         if step == self.full_at:
             raise ConfigurationError("configuration.unwritable", file="journal", reason="disk full")
         self.steps.append(step)
 
-    def close(self, closing: Closing) -> None:
+    def close(self, closing: TransferOutcome) -> None:
         self.closing = closing
 
     def begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> "FakeEntry":

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calstation.devices.imu import Closing, FlashContent, finish, read_flash_content, restore, transfer
+from calstation.devices.imu import FlashContent, TransferOutcome, finish, read_flash_content, restore, transfer
 from calstation.errors import CalstationError
 from calstation.records.evidence import chained_lines
 from calstation.registers import journal as register_journal
@@ -75,7 +75,7 @@ class Factory:
         def go(imu: Any) -> None:
             if choice == "finish":
                 finish(imu, self.map, entry)
-                entry.close(Closing.DONE)
+                entry.close(TransferOutcome.DONE)
             else:
                 restore(imu, self.map, entry)
 
@@ -83,10 +83,10 @@ class Factory:
 
     def has_registers(self, values: Mapping[str, float]) -> bool:
         """Return whether the unit has these values after a power-up."""
-        return not self.map.differing(values, self.unit.flash)
+        return not self.map.differing_parameters(values, self.unit.flash)
 
     def _transfer(self, imu: Any, values: Mapping[str, float]) -> None:
-        transfer(imu, self.map, SERIAL, values, self.begin).entry.close(Closing.DONE)
+        transfer(imu, self.map, SERIAL, values, self.begin).entry.close(TransferOutcome.DONE)
 
     def _powered(self, work: Any, budget: int | None) -> int:
         supply = Station.supply = Supply(budget)

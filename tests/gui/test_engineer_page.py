@@ -37,7 +37,7 @@ from calstation.config import (
     schedule_options,
     versions,
 )
-from calstation.devices.imu import Closing, Step
+from calstation.devices.imu import TransferOutcome, TransferStep
 from calstation.gui.engineer import EngineerPage
 from calstation.gui.engineer.observability_view import HeatMap
 from calstation.gui.engineer.preview import PreviewView
@@ -822,7 +822,7 @@ def test_finished_run_is_analysed(engineer: Engineer) -> None:
     heat = page.analysis.observability.view.map
     text, move = tooltip_at(heat, 6, 1).split("\n")
     assert text.startswith("gyro bias x after step")
-    assert re.fullmatch(r"Step \d+: Half turn about the vertical, [+−]180°", move)
+    assert re.fullmatch(r"TransferStep \d+: Half turn about the vertical, [+−]180°", move)
     assert re.fullmatch(r"\d+  flip [+−]180°", heat.getAxis("top")._names[1])
 
     page.analysis.open(Path(result["log"]["file"]))
@@ -1261,8 +1261,8 @@ def test_time_after_a_write_is_that_of_the_write(engineer: Engineer, code: str, 
     assert f"{said} {local_time(wrote)}" in engineer.says()
     purpose = register_journal.Purpose("li", "hand", "x.h5")
     transfer = register_journal.begin(engineer.site_folder.runs, SERIAL, {}, {"gyro_scale_x": 1e-4}, purpose)
-    transfer.note(Step.COMMITTING)
-    transfer.close(Closing.DONE)
+    transfer.note(TransferStep.COMMITTING)
+    transfer.close(TransferOutcome.DONE)
     register = {"parameter": "gyro_scale_x", "address": 12, "value": 1e-4, "raw": "0"}
     unit = {"serial": SERIAL, "model": "m", "firmware": "1", "registers": [register], "commits": 2, "virtual": True}
     view._operation = RegisterOperation(engineer.page._request(), "write")
@@ -1606,12 +1606,16 @@ def test_registers_replaced_by_other_values_are_stated_also_while_another_produc
 
 
 def record_transfer(
-    engineer: Engineer, why: str, source: str, new: Mapping[str, float], closing: Closing | None = Closing.DONE
+    engineer: Engineer,
+    why: str,
+    source: str,
+    new: Mapping[str, float],
+    closing: TransferOutcome | None = TransferOutcome.DONE,
 ) -> None:
     """Record a transfer to the unit in its journal; None leaves it open."""
     purpose = register_journal.Purpose("wang", why, source)
     made = register_journal.begin(engineer.site_folder.runs, SERIAL, {}, new, purpose)
-    made.note(Step.COMMITTING)
+    made.note(TransferStep.COMMITTING)
     if closing is not None:
         made.close(closing)
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.config import load_configuration
-from calstation.devices.imu import Closing, Step
+from calstation.devices.imu import TransferOutcome, TransferStep
 from calstation.errors import ConfigurationError
 from calstation.messages import sentence
 from calstation.records import ChainedFile
@@ -29,14 +29,14 @@ def begin(runs: Path, serial: str = "SN-1") -> journal.Transfer:
 
 def test_transfer_is_read_back_bit_identical(tmp_path: Path) -> None:
     made = begin(tmp_path)
-    for step in (Step.WRITTEN, Step.COMMITTING):
+    for step in (TransferStep.WRITTEN, TransferStep.COMMITTING):
         made.note(step)
     (transfer,) = journal.history(tmp_path, "SN-1")
     assert repr(transfer) == repr(made)
     assert (transfer.by, transfer.why, transfer.source) == ("wang", "run", "a.h5")
     assert transfer.cycles == journal.cycles(tmp_path, "SN-1") == 1
     assert repr(journal.interrupted(tmp_path, "SN-1")) == repr(transfer)
-    transfer.close(Closing.DONE)
+    transfer.close(TransferOutcome.DONE)
     assert journal.interrupted(tmp_path, "SN-1") is None
 
 
@@ -51,7 +51,7 @@ def test_every_line_is_on_disk_when_it_is_acknowledged(tmp_path: Path, monkeypat
     monkeypatch.setattr(os, "fsync", watch)
     made = begin(tmp_path)
     assert made.path.stat().st_size in synced
-    made.note(Step.COMMITTING)
+    made.note(TransferStep.COMMITTING)
     assert synced[-1] == made.path.stat().st_size
 
 
@@ -79,7 +79,7 @@ def test_only_the_latest_entry_can_be_open(tmp_path: Path) -> None:
     transfer = journal.interrupted(tmp_path, "SN-1")
     assert transfer is not None
     assert transfer.id == second.id
-    second.close(Closing.KEPT)
+    second.close(TransferOutcome.KEPT)
     assert journal.interrupted(tmp_path, "SN-1") is None
 
 
@@ -93,7 +93,7 @@ def test_an_unwritable_journal_is_reported_with_a_remedy(tmp_path: Path) -> None
 def begun(runs: Path) -> journal.Transfer:
     """Return a transfer that reached its commit."""
     made = begin(runs)
-    for step in (Step.WRITTEN, Step.COMMITTING):
+    for step in (TransferStep.WRITTEN, TransferStep.COMMITTING):
         made.note(step)
     return made
 
@@ -217,7 +217,7 @@ def test_a_journal_is_continued_after_a_power_cut(tmp_path_factory: pytest.TempP
     least = content.index(b"\n") + 1  # the file is created with its first line
     first.path.write_bytes(content[: least + cut % (len(content) - least)])
     later = begin(runs)
-    later.note(Step.WRITTEN)
+    later.note(TransferStep.WRITTEN)
     transfer = journal.interrupted(runs, "SN-1")
     assert transfer is not None
     assert (transfer.id, transfer.steps) == (later.id, ["written"])
@@ -232,7 +232,7 @@ def test_unit_on_hardware_has_one_journal_for_all_runs_folders(
     hardware = virtual.model_copy(update={"bench": None})
     monday, tuesday = tmp_path / "monday", tmp_path / "tuesday"
     made = begin(journal.journal_folder(hardware, monday))
-    made.note(Step.COMMITTING)
+    made.note(TransferStep.COMMITTING)
     assert journal.journal_folder(hardware, tuesday) == tmp_path / "site"
     transfer = journal.interrupted(journal.journal_folder(hardware, tuesday), "SN-1")
     assert transfer is not None
@@ -245,7 +245,7 @@ def test_damaged_line_after_an_incomplete_line_is_named_by_its_number(tmp_path: 
     made = begin(tmp_path)
     whole = made.path.read_bytes()
     made.path.write_bytes(whole + whole[:20])  # a power failure during the second line
-    made.note(Step.WRITTEN)
+    made.note(TransferStep.WRITTEN)
     file = ChainedFile[object](made.path, object)
     file.append({"event": "step", "id": "unknown", "step": "written", "utc": "2026-01-01T00:00:00+00:00"})
     with raises_code(ConfigurationError, "journal.damaged") as raised:
@@ -253,11 +253,13 @@ def test_damaged_line_after_an_incomplete_line_is_named_by_its_number(tmp_path: 
     assert raised.value.values["line"] == 4
 
 
-def write(runs: Path, new: dict[str, float], source: str, closing: Closing | None = Closing.DONE) -> journal.Transfer:
+def write(
+    runs: Path, new: dict[str, float], source: str, closing: TransferOutcome | None = TransferOutcome.DONE
+) -> journal.Transfer:
     """Record a complete transfer; one by hand unless it is of the run ``a.h5``."""
     why = "run" if source == "a.h5" else "hand"
     made = journal.begin(runs, "SN-1", {"gyro_bias_x": 0.0}, new, journal.Purpose("wang", why, source))
-    made.note(Step.COMMITTING)
+    made.note(TransferStep.COMMITTING)
     if closing is not None:
         made.close(closing)
     return made
@@ -283,8 +285,8 @@ def test_journal_says_whether_the_registers_of_a_run_are_still_in_the_unit(tmp_p
     assert state(tmp_path) == "registers written", "without a journal, as the result states"
     write(tmp_path, {"gyro_bias_x": 1.0}, "a.h5")
     assert state(tmp_path) == "registers written"
-    write(tmp_path, {"gyro_bias_x": 2.0}, "b.h5", Closing.RESTORED)
-    journal.begin(tmp_path, "SN-1", OLD, NEW, journal.Purpose("wang", "hand", "c.h5")).close(Closing.KEPT)
+    write(tmp_path, {"gyro_bias_x": 2.0}, "b.h5", TransferOutcome.RESTORED)
+    journal.begin(tmp_path, "SN-1", OLD, NEW, journal.Purpose("wang", "hand", "c.h5")).close(TransferOutcome.KEPT)
     assert state(tmp_path) == "registers written", "the later transfers were reverted"
     write(tmp_path, {"gyro_bias_x": 2.0}, "b.h5")
     assert state(tmp_path) == "registers written, replaced by other values"
@@ -292,7 +294,7 @@ def test_journal_says_whether_the_registers_of_a_run_are_still_in_the_unit(tmp_p
     assert state(tmp_path) == "registers written", "they are in the unit again"
     made = write(tmp_path, {"gyro_bias_x": 3.0}, "d.h5", None)
     assert state(tmp_path) == "registers written, replaced by other values, NOT verified"
-    made.close(Closing.DONE)
+    made.close(TransferOutcome.DONE)
     assert state(tmp_path) == "registers written, replaced by other values"
 
 
@@ -300,9 +302,9 @@ def test_registers_that_a_run_did_not_verify_are_stated_until_the_transfer_ends(
     assert state(tmp_path, verified=False) == "registers written, NOT verified"
     made = write(tmp_path, {"gyro_bias_x": 1.0}, "a.h5", None)
     assert state(tmp_path, verified=False) == "registers written, NOT verified"
-    made.close(Closing.DONE)
+    made.close(TransferOutcome.DONE)
     assert state(tmp_path, verified=False) == "registers written, verified after the run"
-    made.close(Closing.RESTORED)
+    made.close(TransferOutcome.RESTORED)
     assert state(tmp_path, verified=False) == "old registers restored after the run"
 
 
@@ -310,5 +312,5 @@ def test_interruption_during_the_transfer_is_stated_although_the_result_has_no_n
     assert state(tmp_path, verified=False, new=None) == ""
     made = write(tmp_path, NEW_OF_RUN, "a.h5", None)
     assert state(tmp_path, verified=False, new=None) == "writing the registers was interrupted"
-    made.close(Closing.RESTORED)
+    made.close(TransferOutcome.RESTORED)
     assert state(tmp_path, verified=False, new=None) == ""

@@ -13,7 +13,7 @@ from calstation.bench import BenchHost
 from calstation.cli.app import run_app
 from calstation.config import RunRequest, load_configuration
 from calstation.config.library import shipped_folder
-from calstation.devices.imu import Closing, Step
+from calstation.devices.imu import TransferOutcome, TransferStep
 from calstation.errors import ConfigurationError, InputError
 from calstation.registers import journal as register_journal
 from calstation.registers import journal_folder, read_unit
@@ -68,7 +68,7 @@ def test_different_runs_folders_share_the_journal(
     assert isinstance(events[-1], Finalized)
     assert events[-1].verdict == "fault"
     assert "Finish or restore" in str(events[-1].result["error"])
-    opened.close(Closing.KEPT)
+    opened.close(TransferOutcome.KEPT)
 
     assert run_app(["registers", "list", SERIAL, "--out", str(tuesday)]) == 0
     assert f"unit {SERIAL} on hardware, 1 flash cycle" in capsys.readouterr().out
@@ -92,8 +92,8 @@ class WornFlashSite:
         """Use this number of flash write cycles."""
         entry = register_journal.begin(self.runs, SERIAL, {}, {}, register_journal.Purpose(None, "hand", ""))
         for _ in range(cycles):
-            entry.note(Step.COMMITTING)
-        entry.close(Closing.DONE)
+            entry.note(TransferStep.COMMITTING)
+        entry.close(TransferOutcome.DONE)
 
     def run(self) -> list[Event]:
         """Run and return the ids of the messages."""

@@ -10,7 +10,7 @@ import tomli_w
 from calstation.cli.app import run_app
 from calstation.cli.commands.registers import largest_change
 from calstation.config import RegisterOperation, library, load_configuration
-from calstation.devices.imu import Closing, RegisterMap, Step
+from calstation.devices.imu import RegisterMap, TransferOutcome, TransferStep
 from calstation.devices.profiles import RegisterEntry, load_imu_profile
 from calstation.errors import DeviceFaultError, InputError
 from calstation.registers import Transfer, moves_table, target_registers
@@ -53,8 +53,8 @@ class JournalSite:
             register_journal.Purpose("li", "hand", "", sort or UnitType()),
         )
         if not open_:
-            made.note(Step.COMMITTING)
-            made.close(Closing.DONE)
+            made.note(TransferStep.COMMITTING)
+            made.close(TransferOutcome.DONE)
         return made
 
     def restores(self) -> bool:
@@ -218,7 +218,7 @@ def test_list_states_why_registers_were_written(
     monkeypatch.setattr("calstation.cli.text.LANGUAGE", language)
     for by, why, source in (("Kim", "hand", "SN-1.csv"), (None, "hand", ""), (None, "restore", "a.csv")):
         purpose = register_journal.Purpose(by, why, source, journal_site.own)
-        register_journal.begin(journal_site.runs, SERIAL, {}, {}, purpose).close(Closing.KEPT)
+        register_journal.begin(journal_site.runs, SERIAL, {}, {}, purpose).close(TransferOutcome.KEPT)
     assert run_app(["registers", "list", "--out", str(journal_site.runs)]) == 0
     output = capsys.readouterr().out
     assert all(text in output for text in texts)
@@ -232,8 +232,8 @@ def test_hardware_and_simulated_units_are_listed_separately(
     journal_site.transfer(UnitType("bench-imu", MEMS, "MEMS grade C"))
     for _ in range(2):
         made = register_journal.begin(home, SERIAL, {}, {}, register_journal.Purpose(None, "run", "", journal_site.own))
-        made.note(Step.COMMITTING)
-        made.close(Closing.KEPT)
+        made.note(TransferStep.COMMITTING)
+        made.close(TransferOutcome.KEPT)
     assert run_app(["registers", "list", "--out", str(journal_site.runs)]) == 0
     output = capsys.readouterr().out
     assert f"unit {SERIAL} on hardware, 2 flash cycles" in output

@@ -17,7 +17,7 @@ import tomli_w
 from calstation.cli.app import run_app
 from calstation.config import Person, access, load_configuration, site_folder
 from calstation.config.library import shipped_folder
-from calstation.devices.imu import Closing, Step
+from calstation.devices.imu import TransferOutcome, TransferStep
 from calstation.errors import InputError
 from calstation.messages import Language, event_text, sentence
 from calstation.records import audit_path, open_log, read_audit, read_reports, report_file
@@ -568,8 +568,8 @@ def test_new_certificate_states_that_the_registers_were_written_again(gimbal: Ma
     assert report(gimbal.result_file, "-o", first) == 0
     runs, serial = gimbal.result_file.parent, gimbal.certificate.result.serial
     later = journal.begin(runs, serial, {}, {"gyro_bias_x": 1.0}, journal.Purpose("wang", "hand", "older.h5"))
-    later.note(Step.COMMITTING)
-    later.close(Closing.DONE)
+    later.note(TransferStep.COMMITTING)
+    later.close(TransferOutcome.DONE)
     assert report(gimbal.result_file, "-o", again) == 0
     assert again.read_bytes() == first.read_bytes()
     assert report(gimbal.result_file, "-o", revised, "--revise", "Unit was written again") == 0

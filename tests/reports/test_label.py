@@ -17,7 +17,7 @@ import typst
 import zxingcpp
 
 from calstation.config.library import shipped_folder
-from calstation.devices.imu import Closing, Step
+from calstation.devices.imu import TransferOutcome, TransferStep
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
 from calstation.messages import Language, local_time, render
 from calstation.records import LogMeta, RawLogWriter, open_log
@@ -344,8 +344,8 @@ def test_label_of_a_run_whose_registers_were_replaced_says_so(site: Path, code: 
         assert print_labels(lambda *_, **__: None, [path], None).cautions == []
         purposed = journal.Purpose("wang", *purpose)
         made = journal.begin(site / "runs", "SN-000042", {"gyro_bias_x": 0.0}, {"gyro_bias_x": value}, purposed)
-        made.note(Step.COMMITTING)
-        made.close(Closing.DONE)
+        made.note(TransferStep.COMMITTING)
+        made.close(TransferOutcome.DONE)
     labels = print_labels(lambda *_, **__: None, [path], None)
     assert (len(labels.pdfs), labels.errors) == (1, {})
     (caution,) = labels.cautions

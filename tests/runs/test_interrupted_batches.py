@@ -14,7 +14,7 @@ import pytest
 from calstation.bench import BenchConfig
 from calstation.bench.live import LiveBench
 from calstation.config import RunRequest, load_configuration
-from calstation.devices.imu import Closing, Step
+from calstation.devices.imu import TransferOutcome, TransferStep
 from calstation.errors import ConfigurationError, InputError
 from calstation.messages import Language, sentence
 from calstation.records import Verdict, open_log
@@ -95,7 +95,7 @@ UNIT = SERIALS[0]
 
 
 def write_transfer(
-    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, hours_ago: float, *steps: Step, closing: str = ""
+    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, hours_ago: float, *steps: TransferStep, closing: str = ""
 ) -> None:
     """Write a transfer to a unit into the journal of its registers."""
     utc = (NOW - timedelta(hours=hours_ago)).isoformat()
@@ -103,17 +103,27 @@ def write_transfer(
         context.setattr(journal, "_now", lambda: utc)
         entry = write_open_transfer(site_folder.runs, UNIT, *steps)
     if closing:
-        entry.close(Closing(closing))
+        entry.close(TransferOutcome(closing))
 
 
 @pytest.mark.parametrize(
     ("hours_ago", "steps", "closing", "resumed"),
     [
-        (0.5, (Step.WRITTEN, Step.COMMITTING), "", False),
-        (0.5, (Step.WRITTEN, Step.COMMITTING, Step.COMMITTED, Step.RESTARTED), "done", False),
-        (0.5, (Step.COMMITTING, Step.RESTORING, Step.COMMITTED, Step.RESTARTED), "restored", False),
-        (0.5, (Step.WRITTEN, Step.COMMITTING), "kept", True),
-        (2.0, (Step.WRITTEN, Step.COMMITTING), "", True),
+        (0.5, (TransferStep.WRITTEN, TransferStep.COMMITTING), "", False),
+        (
+            0.5,
+            (TransferStep.WRITTEN, TransferStep.COMMITTING, TransferStep.COMMITTED, TransferStep.RESTARTED),
+            "done",
+            False,
+        ),
+        (
+            0.5,
+            (TransferStep.COMMITTING, TransferStep.RESTORING, TransferStep.COMMITTED, TransferStep.RESTARTED),
+            "restored",
+            False,
+        ),
+        (0.5, (TransferStep.WRITTEN, TransferStep.COMMITTING), "kept", True),
+        (2.0, (TransferStep.WRITTEN, TransferStep.COMMITTING), "", True),
     ],
     ids=["interrupted", "done", "restored", "kept", "before the run"],
 )
@@ -121,7 +131,7 @@ def test_run_is_not_resumed_after_registers_were_written_since_its_start(
     site_folder: SiteFolder,
     monkeypatch: pytest.MonkeyPatch,
     hours_ago: float,
-    steps: Sequence[Step],
+    steps: Sequence[TransferStep],
     closing: str,
     *,
     resumed: bool,
@@ -148,7 +158,7 @@ def test_latest_run_that_can_be_resumed_is_offered(site_folder: SiteFolder, monk
     """An earlier run may have completed more, but the unit has new registers since, or was taken out of its slot."""
     runs = site_folder.runs
     write_dead_log(runs, UNIT, solved=2, hours_ago=5.0)
-    write_transfer(site_folder, monkeypatch, 4.5, Step.COMMITTING, closing="restored")
+    write_transfer(site_folder, monkeypatch, 4.5, TransferStep.COMMITTING, closing="restored")
     first = write_dead_log(runs, UNIT, hours_ago=4.0)
     assert [run.log for run in find_resumable(ignore_progress, runs)] == [first]
     more = write_dead_log(runs, UNIT, solved=2, hours_ago=3.0)

@@ -33,14 +33,18 @@ from calstation.config import (
     load_station,
     site_folder,
 )
-from calstation.devices.imu import Step
+from calstation.devices.imu import TransferStep
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import ConfigurationError, DeviceFaultError, StoppedError
 from calstation.physics import PARAMETERS, display
 from calstation.registers import Transfer, UnitRegisters, journal, moves_table, read_unit
 from calstation.sequencer import Fault, Settled
 
-_VERIFICATIONS = {Step.TURNED: "turn", Step.AT_REST: "rest", Step.READ_BACK: "read_back"}
+_VERIFICATIONS = {
+    TransferStep.VERIFIED_ROTATING: "turn",
+    TransferStep.VERIFIED_AT_REST: "rest",
+    TransferStep.READ_BACK: "read_back",
+}
 
 SerialArgument = Annotated[str, typer.Argument(metavar="SERIAL")]
 JournalOption = Annotated[Path, typer.Option("--out")]

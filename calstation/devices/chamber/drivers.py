@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 @contextmanager
 def _as_chamber() -> Iterator[None]:
-    """Convert the errors of a link, which is the same as that of a table, to errors of the chamber."""
+    """Convert link errors, which are worded for a table, to errors of the chamber."""
     try:
         yield
     except DeviceFaultError as error:
@@ -26,7 +26,7 @@ def _as_chamber() -> Iterator[None]:
 
 
 def _reopened(exchange: Callable[[], T]) -> T:
-    """Repeat an exchange on a new connection if it was lost, because a chamber may close it during a long soak."""
+    """Repeat an exchange on a new connection if the connection was lost; a chamber may close it during a long soak."""
     try:
         return exchange()
     except PortLostError:

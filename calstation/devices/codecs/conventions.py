@@ -6,8 +6,8 @@ The error model is measured = (I + M) true + b. From the matrix R and offset B i
     corrected = C measured − B          offset after the matrix
 
 where R is C itself ("correction"), or its inverse E = C⁻¹, the error matrix that the unit inverts ("error"). R may omit
-the identity, C = I + R, and may then be negated, C = I − R. B may be added instead of subtracted. In every convention,
-corrected = true holds exactly, not only to first order.
+the identity (C or E = I + R), and may then be negated (C or E = I − R). B may be added instead of subtracted. In every
+convention, corrected = true holds exactly, not only to first order.
 """
 
 from collections.abc import Iterable, Mapping
@@ -72,7 +72,7 @@ ELEMENTS: tuple[str, ...] = tuple(name for sensor in SENSORS for name in _elemen
 
 @cache
 def parameter_of(name: str) -> str | None:
-    """Return the parameter of a matrix or offset element, None if the model omits it, or any other `name` itself."""
+    """Return the parameter of an element (None if the error model has none); other names are returned unchanged."""
     if name not in ELEMENTS:
         return name
     sensor, kind, part = name.split("_")
@@ -143,20 +143,22 @@ def _inverse(matrix: FloatArray) -> FloatArray:
         return np.full((3, 3), np.nan)
 
 
-def permitted_range(element: str, sigmas: Mapping[str, float], convention: Convention) -> tuple[float, float] | None:
-    """Return the range of an element for parameters within `sigmas`, to first order and widened by half.
+def permitted_range(
+    element: str, half_widths: Mapping[str, float], convention: Convention
+) -> tuple[float, float] | None:
+    """Return the range of an element for parameters within ± `half_widths`, to first order and widened by half.
 
-    The result is None if the parameter has no sigma.
+    The result is None if the parameter has no half width.
 
     Parameters
     ----------
-    element : name of a matrix or offset element, or of a parameter
-    sigmas : standard deviations of the parameters by name, SI
+    element : name of a matrix or offset element
+    half_widths : half widths of the intervals of the parameters by name, SI
     convention : convention of the register
     """
-    sigma = sigmas.get(parameter_of(element) or "")
-    if sigma is None:
+    half_width = half_widths.get(parameter_of(element) or "")
+    if half_width is None:
         return None
     _, kind, part = element.split("_")
     middle = 1.0 if kind == "matrix" and part[0] == part[1] and convention.identity else 0.0
-    return middle - 1.5 * sigma, middle + 1.5 * sigma
+    return middle - 1.5 * half_width, middle + 1.5 * half_width

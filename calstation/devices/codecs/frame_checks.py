@@ -15,7 +15,7 @@ CheckFunction = Callable[[bytes], int]
 
 
 def _fletcher(data: bytes) -> int:
-    """Return Fletcher's checksum modulo 256, which is the sum of the bytes followed by the sum of all partial sums."""
+    """Return Fletcher's checksum modulo 256: the sum of the partial sums (high byte) and the sum of the bytes."""
     values = np.frombuffer(data, np.uint8).astype(np.int64)
     return (int(values.sum()) & 0xFF) << 8 | int(values @ np.arange(len(values), 0, -1)) & 0xFF
 

@@ -24,7 +24,11 @@ _Q = re.compile(r"(u?)q(\d{1,2})\.(\d{1,2})")
 
 @dataclass(frozen=True)
 class Number:
-    """An unsigned, signed or IEEE 754 number type, with its width in bytes and the fraction bits of a Q format."""
+    """An unsigned, signed or IEEE 754 number type.
+
+    width : size in bytes
+    fraction : number of fraction bits of a Q format
+    """
 
     kind: Literal["u", "i", "f"]
     width: int
@@ -105,7 +109,7 @@ class Number:
         return float(self.column(column, byte_order, word_order)[0])
 
     def native(self, byte_order: ByteOrder, word_order: WordOrder | None = None) -> np.dtype[np.generic] | None:
-        """Return the NumPy type for the bytes on the wire, or None."""
+        """Return the NumPy type of the bytes on the wire; None if NumPy has no such type."""
         if self.fraction or self.width not in (1, 2, 4, 8) or word_order not in (None, byte_order):
             return None
         return np.dtype(f"{'<' if byte_order == 'little' else '>'}{self.kind}{self.width}")
@@ -137,7 +141,7 @@ class Number:
         return np.asarray(whole * 2.0**-self.fraction)
 
     def _positions(self, byte_order: ByteOrder, word_order: WordOrder | None) -> list[int]:
-        """Return the positions of the bytes on the wire, most significant first."""
+        """Return the indices on the wire of the number's bytes, most significant byte first."""
         positions = list(range(self.width))
         if word_order == "fraction_first":
             split = self.fraction // 8

@@ -3,15 +3,15 @@
 from calstation.devices.imu.drivers import FramedImu, frame_decoder, open_imu
 from calstation.devices.imu.frames import FrameDecoder
 from calstation.devices.imu.register_transfer import (
-    Closing,
-    Entry,
     FlashContent,
-    Step,
+    JournalEntry,
+    TransferOutcome,
     TransferResult,
+    TransferStep,
     check_serial,
     finish,
-    flash_registers,
     read_flash_content,
+    restart_and_read_registers,
     restore,
     rewrite_old,
     transfer,

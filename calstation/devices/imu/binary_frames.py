@@ -14,7 +14,7 @@ Column = FloatArray | IntArray
 
 @dataclass(frozen=True)
 class Columns:
-    """Raw numbers by field (0 or NaN if absent) and masks of the packets with the field, each of shape (n,)."""
+    """Raw numbers of each field (0 or NaN if absent) and mask of the packets that contain it, both of shape (n,)."""
 
     values: dict[str, Column]
     present: dict[str, BoolArray]

@@ -66,7 +66,7 @@ class FrameDecoder:
         self._frame: BinaryFrame | TextFrame = TextFrame(frame) if frame.format == "text" else BinaryFrame(frame)
         self._replies = replies
         kinds: list[PacketKind] = [self._frame, *([replies] if replies else [])]
-        # If one sync begins with another one, the longer sync is compared first.
+        # If one sync is the beginning of another, the longer one is compared first.
         self._kinds = sorted(kinds, key=lambda kind: -len(kind.sync))
         self._fields = {f.name: f for f in frame.fields}
         self._no_frames = Frames((), self._frame.columns(()))

@@ -2,7 +2,7 @@
 
 After a commit, the registers have the same values before and after a restart. If the unit replied to the reset without
 restarting, or restarted later, its memory would be mistaken for its flash. Therefore a marker, which only a restart
-removes, is written to the memory but not to the flash.
+removes, is written to the memory but not to flash.
 """
 
 import time
@@ -101,7 +101,7 @@ class RegisteredImu(StreamedImu):
     def reset(self) -> None:
         """Restart the unit after any pending commit and resume the stream, within `reset_timeout_s`."""
         self._wait_for_commit()
-        mark = self._write_marker()
+        marker = self._write_marker()
         deadline = time.monotonic() + self._reset_timeout
         try:
             self._restart()
@@ -110,7 +110,7 @@ class RegisteredImu(StreamedImu):
         except DeviceFaultError:  # a unit that restarts immediately has no time to reply
             if self.lost:
                 raise
-        while not self._restarted(mark, is_last=time.monotonic() > deadline):
+        while not self._restarted(marker, is_last=time.monotonic() > deadline):
             time.sleep(POLL_INTERVAL)
         if self._streaming:
             self.start()
@@ -149,28 +149,28 @@ class RegisteredImu(StreamedImu):
                     raise
             time.sleep(POLL_INTERVAL)
 
-    def _restarted(self, mark: "RestartMarker | None", *, is_last: bool) -> bool:
-        """Return whether the unit replies without the marker; if not, and `is_last`, raise DeviceFaultError."""
+    def _restarted(self, marker: "RestartMarker | None", *, is_last: bool) -> bool:
+        """Return whether the unit replies without the marker; raise DeviceFaultError instead of False if `is_last`."""
         try:
             self._ask_identity(attempts=1)
-            if mark is None:
+            if marker is None:
                 return True
             with self._quiet():
-                numbers = self._read_entry(mark.entry)
+                numbers = self._read_entry(marker.entry)
         except DeviceFaultError:
             if self.lost or is_last:
                 raise
             return False
-        if not bitwise_equal(mark.read_back, numbers):
+        if not bitwise_equal(marker.read_back, numbers):
             return True
         if is_last:
             with suppress(DeviceFaultError), self._quiet():
-                self._write_entry(mark.entry, list(mark.before))
+                self._write_entry(marker.entry, list(marker.before))
             raise DeviceFaultError("imu.not_restarted", seconds=self._reset_timeout)
         return False
 
     def _send(self, transaction: Transaction[T], attempts: int = ATTEMPTS, timeout: float | None = None) -> T:
-        """Send a command and return the content of its reply; the default of `timeout` is that of the protocol."""
+        """Send a command and return the content of its reply; the default timeout is that of the protocol."""
         return self.exchange(transaction, timeout=timeout or self._timeout, attempts=attempts)
 
     def _quiet(self) -> AbstractContextManager[None]:
@@ -216,7 +216,11 @@ _MATRIX = frozenset(element for sensor in SENSORS for element in matrix_elements
 
 @dataclass(frozen=True)
 class RestartMarker:
-    """An entry that was written without a commit, its previous numbers, and the numbers read back until a restart."""
+    """A register entry written without a commit.
+
+    before : numbers before the write
+    read_back : numbers that are read back until the unit restarts
+    """
 
     entry: RegisterEntry
     before: tuple[float, ...]
@@ -229,7 +233,7 @@ def marker_entry(entries: Sequence[RegisterEntry]) -> RegisterEntry | None:
 
 
 def marker_numbers(entry: RegisterEntry, before: Sequence[float]) -> list[float]:
-    """Return numbers in the range of an entry that differ from the current ones; in a matrix, only the last differs."""
+    """Return numbers in the range of an entry that differ from the current ones; in a matrix, change only the last."""
     free = _other_indices(entry) or [len(entry.names) - 1]
     kind = number(entry.type)
     numbers = list(before)

@@ -22,7 +22,7 @@ from calstation.errors import DeviceFaultError
 #: Maximum number of times that values are encoded and decoded until they no longer change.
 _MAX_PASSES = 8
 
-#: Rounding error of the conversion to and from a matrix, for number types that resolve it.
+#: Rounding error of the scale and of the conversion to and from a matrix, for number types that resolve it, SI.
 _CONVERSION_ERROR = {"f64": 1e-12}
 
 
@@ -47,7 +47,7 @@ class RegisterMap:
         }
 
     def decode(self, registers: Mapping[int, list[float]]) -> dict[str, float]:
-        """Convert numbers by entry key to parameters, SI. Raises DeviceFaultError if the error model forbids them."""
+        """Convert numbers by entry key to parameters, SI. Raises DeviceFaultError if the error model excludes them."""
         contents = {
             name: registers[entry.key][i] * entry.scale
             for entry in self.entries
@@ -70,10 +70,11 @@ class RegisterMap:
                 break
         return now
 
-    def differing(self, required: Mapping[str, float], values: Mapping[str, float]) -> list[str]:
-        """Return the parameters whose values that were read back differ from the required values, both in SI.
+    def differing_parameters(self, required: Mapping[str, float], values: Mapping[str, float]) -> list[str]:
+        """Return the parameters whose values read back differ from the required values, both in SI.
 
-        In entries without a tolerance, every bit must agree: −0 differs from 0, but all NaN (erased) are equal.
+        In entries without a tolerance, every bit must agree, except for rounding errors of scaled or converted f64
+        values: −0 differs from 0, but all NaN (erased) are equal.
         """
         suspects = [
             name for name, value in required.items() if name not in values or not _bits_equal(values[name], value)
@@ -98,7 +99,7 @@ class RegisterMap:
                     return entry.address_of(i)
         raise KeyError(name)
 
-    def stored(self, values: Mapping[str, float]) -> list[tuple[int, str, str]]:
+    def hex_contents(self, values: Mapping[str, float]) -> list[tuple[int, str, str]]:
         """Return the address, parameter and hexadecimal content (high byte first) of each register in `values`."""
         numbers = self.encode({**dict.fromkeys(self.parameters, 0.0), **values})
         return [
@@ -137,7 +138,7 @@ def _register_number(entry: RegisterEntry, index: int, value: float) -> float:
     low, high = entry.range
     try:
         stored = kind.nearest(value / entry.scale)
-        # Stored numbers are compared, so that a value at the edge of the range is still valid after it is read back.
+        # The comparison of stored numbers keeps a value at the edge of the range valid after it is read back.
         edges = sorted(kind.nearest(edge / entry.scale) for edge in (low, high))
         if not edges[0] <= stored <= edges[1]:
             raise ValueError

@@ -9,7 +9,7 @@ from calstation.devices.profiles import FrameField, FrameSection
 from calstation.estimation.common import unwrap_counter
 from calstation.physics import IntArray
 
-#: Maximum number of later frames that may overtake a frame; a counter that decreases by more was reset.
+#: Maximum number of later frames that may overtake a frame; a larger decrease of the counter is a reset.
 _MAX_DELAYED = 3
 
 #: Largest step of a clock in samples; a larger step is invalid and is clipped to avoid an overflow.
@@ -63,14 +63,14 @@ class SampleCount:
         return np.asarray(order[fresh])
 
     def _counter_steps(self, raw: IntArray) -> IntArray:
-        """Return the step in samples from each received frame to the next; a few steps may be backwards."""
+        """Return the step in samples from each received frame to the next; a small step may be negative."""
         modulus = 1 << self._bits
         first = int(raw[0]) - 1 if self._last_raw is None else self._last_raw
         steps = (raw.astype(np.int64) - np.concatenate(([first], raw[:-1]))) % modulus
         return np.asarray(np.where(steps >= modulus - _MAX_DELAYED, steps - modulus, steps))
 
     def _clock_steps(self, ticks: IntArray) -> IntArray:
-        """Return the rounded step in samples between consecutive frames; it is negative if the clock runs back."""
+        """Return the rounded step in samples between consecutive frames; it is negative if the clock runs backwards."""
         first = int(ticks[0]) - round(self._per_sample) if self.last is None else self._last_ticks
         elapsed_ticks = ticks.astype(np.uint64) - np.concatenate(([first], ticks[:-1])).astype(np.uint64)
         signed = (elapsed_ticks << np.uint64(64 - self._bits)).view(np.int64) >> (64 - self._bits)
@@ -88,7 +88,7 @@ class SampleCount:
         return seq
 
     def _count_counter(self, raw: IntArray) -> IntArray:
-        """Unwrap the counter; the raw value is stored as well, because a reset shifts it permanently."""
+        """Unwrap the counter; also store its raw value, because a reset permanently shifts it relative to the count."""
         seq = unwrap_counter(raw, self.last, self._bits, self._last_raw)
         before = seq[0] - 1 if self.last is None else self.last
         before_raw = raw[0] - 1 if self._last_raw is None else self._last_raw
@@ -98,7 +98,7 @@ class SampleCount:
         return seq
 
     def _count_clock(self, ticks: IntArray) -> IntArray:
-        """Convert the steps of a clock to samples; a clock that runs back was reset, and one sample counts as lost."""
+        """Convert the steps of a clock to samples; a negative step is a reset, at which one sample counts as lost."""
         steps = self._clock_steps(ticks)
         self.restarts += int((steps < 0).sum())
         steps = np.where(steps < 0, 2, np.maximum(1, steps))

@@ -18,8 +18,8 @@ from calstation.messages import Text
 
 #: Host time for which the reader waits for bytes before it checks for commands to send, s.
 _POLL_TIMEOUT = 0.02
-#: Minimum amount of data without a valid frame after which the link settings are considered wrong, in frames. Once
-#: frames have arrived, it is in seconds of the stream, so that a burst of noise does not suffice.
+#: Amount of data without a valid frame above which the link settings are considered wrong: a number of frames or, once
+#: valid frames have arrived, a duration of the stream in s, so that a burst of noise does not suffice.
 _NOISE_FRAMES, _NOISE_SECONDS = 40, 2.0
 
 T = TypeVar("T")

@@ -38,14 +38,14 @@ class Transaction(Generic[T_co]):
 class Dialogue:
     """The transactions with a device, and the signatures of replies that may still arrive.
 
-    If a late reply may have the signature of a transaction, its request is sent only after the device has replied to a
-    request with another signature, because no earlier reply can arrive after this reply.
+    If a late reply may have the signature of a transaction, the request is sent only after the device has replied to a
+    request with another signature: after this reply, no reply to an earlier request can arrive.
 
     Parameters
     ----------
     send : function that sends bytes
     receive : function that waits for replies for at most the given host time, s; it returns None if nothing arrives
-    other_transactions : function that yields transactions with different signatures, to which the device replies
+    other_transactions : function that yields transactions with different signatures, for synchronisation
     may_belong : function that returns whether a reply may belong to a transaction with a signature; the last argument
         is True for a refusal
     """
@@ -72,7 +72,7 @@ class Dialogue:
         transaction : the request and its expected reply
         timeout : host time for a reply, s
         urgent : whether the request, e.g. a stop, is sent immediately and again once late replies have arrived
-        again : whether the same request was sent just before, so that the reply to either one confirms it
+        again : whether the same request was sent just before, so that the reply to either request confirms it
         """
         if transaction.signature in self.unanswered and not again:
             if urgent:

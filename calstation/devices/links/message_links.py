@@ -1,8 +1,8 @@
 """Links that receive messages instead of a stream of bytes: UDP datagrams, and CAN messages.
 
-A port is `udp://HOST:PORT`, for the datagrams that HOST (empty for the first computer that sends any) sends to PORT of
-this computer, or
-`can://INTERFACE/CHANNEL/ID,ID,...`, for the messages with these hexadecimal identifiers on a bus of python-can.
+The port `udp://HOST:PORT` receives the datagrams that HOST sends to PORT of this computer; without HOST, those of the
+first computer that sends any. The port `can://INTERFACE/CHANNEL/ID,ID,...` receives the messages with these hexadecimal
+identifiers on a bus of python-can.
 """
 
 import re
@@ -68,7 +68,7 @@ def can_port(port: str) -> CanPort | None:
 
 
 def _monotonic(stamp: float) -> float:
-    """Convert a time stamp of the system clock, s, to the monotonic clock; return now for one from another clock."""
+    """Convert a time stamp of the system clock, s, to the monotonic clock; return now if it is from another clock."""
     age = time.time() - stamp
     return time.monotonic() - (age if 0.0 <= age < _MAX_AGE else 0.0)
 
@@ -187,7 +187,7 @@ class CanLink:
                 return packet
 
     def _packet(self, message: "can.Message") -> bytes:
-        """Add a message to those of the same sample; return their packet, b"" if more are needed."""
+        """Add a message to those of the same sample; return the packet, or b"" while messages are missing."""
         if message.is_remote_frame or message.is_error_frame:
             return b""
         if message.arbitration_id != self._ids[len(self._parts)]:

@@ -65,8 +65,8 @@ class ModbusRefusalError(ModbusUnitError):
 class ModbusLink:
     """Holding registers of a Modbus unit over TCP or RTU. The class is not thread-safe.
 
-    `on_reopen` is called before any other transfer after the link was opened again; it raises DeviceFaultError if
-    another device replies. Raises DeviceFaultError or ConfigurationError.
+    Raises DeviceFaultError or ConfigurationError if the port cannot be opened. `on_reopen` is called after the link was
+    opened again, before any other transfer; it raises DeviceFaultError if another device replies.
 
     Parameters
     ----------
@@ -96,11 +96,11 @@ class ModbusLink:
 
     @property
     def deviation(self) -> str | None:
-        """The difference of a Modbus TCP reply from its request; see `TcpConnection`."""
+        """How a Modbus TCP reply differs from its request; see `TcpConnection`."""
         return self._transport.deviation
 
     def late_reply(self, unit: int, limit: float) -> float | None:
-        """Return the delay of the reply to one read, s, up to `limit` s of host time; None without a reply."""
+        """Return the reply time of one read, s; None if no reply arrives within `limit` s of host time."""
         return self._transport.late_reply(unit, limit)
 
     def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
@@ -111,7 +111,7 @@ class ModbusLink:
         Parameters
         ----------
         address, count : 0-based address of the first register, and number of registers
-        unit : Modbus unit number; None for the link's
+        unit : Modbus unit number; by default that of the link
         """
         at = {"unit": self._unit if unit is None else unit, "address": address, "last": address + count - 1}
         with self._explained("read", at):
@@ -124,7 +124,7 @@ class ModbusLink:
         ----------
         address, values : 0-based address of the first register, and unsigned 16-bit values
         repeat : whether a lost transfer is repeated
-        unit : Modbus unit number; None for the link's
+        unit : Modbus unit number; by default that of the link
         """
         at = {"unit": self._unit if unit is None else unit, "address": address}
         attempts = _ATTEMPTS if repeat else 1
@@ -204,7 +204,7 @@ class TcpConnection:
         self.received = self._reply = b""
         self.open = False
         self._sent = b""
-        #: Whether a valid reply was received, and whether the connection was closed after one.
+        #: Whether a valid reply was received, and whether the connection was closed after that.
         self._has_replied = self._was_closed = False
         self._port, self._address = port, address
         self._client = ModbusTcpClient(
@@ -265,7 +265,7 @@ class TcpConnection:
 
     @property
     def deviation(self) -> str | None:
-        """The difference of the last reply from its request: transaction, unit or closed; None for no difference."""
+        """How the last reply differs from its request: "transaction", "unit" or "closed"; None if it does not."""
         if self._was_closed:
             return "closed"
         reply, request = self._reply, self._sent
@@ -277,7 +277,7 @@ class TcpConnection:
         return "transaction" if reply[:2] != request[:2] else None
 
     def late_reply(self, unit: int, limit: float) -> float | None:
-        """Return the delay of the reply to one read over a connection of its own, s; None without one in `limit` s."""
+        """Return the reply time of one read over a separate connection, s; None without a reply within `limit` s."""
         request = struct.pack(">HHHBBHH", 1, 0, 6, unit, READ, 0, 1)
         try:
             with socket.create_connection(self._address, timeout=limit) as connection:

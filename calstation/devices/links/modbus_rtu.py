@@ -1,7 +1,7 @@
 """Requests and replies of Modbus RTU on a serial line.
 
-An RTU reply does not identify its request ("Modbus over Serial Line" V1.02, 2.5), so that a late reply could be
-mistaken for the reply to the next request. Replies to reads of different lengths can be distinguished (see `dialogue`).
+An RTU reply does not identify its request ("Modbus over Serial Line" V1.02, 2.5), so a late reply could be mistaken for
+the reply to the next request. Only replies to reads of different lengths can be distinguished (see `dialogue`).
 """
 
 import struct
@@ -162,9 +162,9 @@ class RtuLine:
         self._ask(RtuRequest.write(unit, address, values), urgent=repeat, again=again)
 
     def late_reply(self, unit: int, limit: float) -> float | None:
-        """Discard late replies, and return the delay of the reply to one read, s; None without one in `limit` s.
+        """Discard late replies and return the reply time of one read, s; None without a reply within `limit` s.
 
-        It is also None if the line is never silent, as with a device that sends by itself.
+        Also returns None if the line is never silent, e.g. because a device sends without requests.
         """
         try:
             end = time.monotonic() + 2.0 * limit
@@ -248,7 +248,7 @@ class RtuUnit:
         return [reply for reply, _ in parsed]
 
     def _other_transactions(self) -> Iterator[Transaction[bytes]]:
-        """Yield reads of different lengths: first those of previous reads, then shorter ones, which may be refused."""
+        """Yield reads of different lengths: first lengths read before, then shorter ones, which may be refused."""
         lengths = self.lengths or {1: 0}
         longest = max(lengths)
         for count in (*lengths, *range(1, max(longest, 2) + 1)):

@@ -106,7 +106,7 @@ class SerialLink:
 
 
 def link_reason(exc: BaseException) -> Text:
-    """Return the reason for an error of the operating system or pyserial as part of a sentence."""
+    """Return the reason for an error of the operating system or pyserial, worded as part of a sentence."""
     if isinstance(exc, OSError) and exc.errno is not None:
         return os_reason(exc)
     words = str(exc).rsplit("] ", 1)[-1].split(": '")[0].rstrip(".")
@@ -239,8 +239,8 @@ USB = "usb:"
 class SerialPortInfo:
     """A serial port listed by the system, e.g. `/dev/ttyUSB0` or `COM3`; unknown attributes are empty.
 
-    usb : name of the adapter, which remains the same when its `device` changes; None if it has no unique serial number
-        and its location is unknown
+    usb : name of the port by its adapter, which is the same when `device` changes; None if the adapter has no unique
+        serial number and its location is unknown
     """
 
     device: str
@@ -265,7 +265,7 @@ def list_serial_ports() -> tuple[SerialPortInfo, ...]:
 
 
 def port_device(port: str, device: str) -> str:
-    """Return the current device of the adapter for a port `usb:...`, or any other port itself.
+    """Return the current device name of a port `usb:...`; any other port is returned unchanged.
 
     Raises DeviceFaultError, with `device` as its source, unless exactly one such adapter is plugged in.
     """
@@ -292,7 +292,7 @@ def _list_ports() -> list[ListPortInfo]:
 
 
 def _names(port: ListPortInfo, listed: Sequence[ListPortInfo]) -> tuple[str, ...]:
-    """Return the names of a port that are derived from its adapter, starting with the preferred name.
+    """Return the names of a port by its adapter, starting with the preferred name.
 
     A serial number shared by several adapters is not a name, because its meaning would change if one were unplugged.
     """

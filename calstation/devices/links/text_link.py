@@ -17,15 +17,15 @@ _MAX_REPLY_SIZE = 4096
 
 
 class TextRefusalError(DeviceFaultError):
-    """The table refuses a line."""
+    """The device refuses a line."""
 
 
 class UnexpectedReplyError(DeviceFaultError):
-    """The reply of the table does not match the profile."""
+    """The reply of the device does not match the profile."""
 
 
 def text_number(text: str) -> float:
-    """Return the number in a reply. Raises DeviceFaultError if it is none or not finite."""
+    """Return the number in a reply. Raises DeviceFaultError if the text is not a finite number."""
     try:
         value = float(text)
     except ValueError:
@@ -104,8 +104,8 @@ class TextLink:
     """The link to a table or chamber with text commands. The class is not thread-safe.
 
     Because a reply rarely identifies its line, a late reply could be mistaken for the reply to the next line. After an
-    unanswered line, a query with a distinct reply is therefore sent, and any other reply is discarded. After the link
-    was opened again, the table is identified before any command is sent. `received` contains the bytes received last.
+    unanswered line, a query with a distinct reply is therefore sent, and all other replies are discarded. Whenever the
+    link is opened, the device is identified before any command is sent. `received` contains the bytes received last.
     """
 
     def __init__(self, port: str, section: LineSection, serial: SerialSettings, device: Device = "table") -> None:
@@ -175,11 +175,11 @@ class TextLink:
         return SerialLink(url, self._serial, self._device)
 
     def _is_identified(self) -> bool:
-        """Return whether the table has been identified since the link was opened."""
+        """Return whether the device has been identified since the link was opened."""
         return self._link is not None and not self._needs_identification
 
     def _synchronise(self) -> bool:
-        """Query the table if late replies may arrive, and return whether the next reply belongs to the next line."""
+        """Query the device if late replies may arrive; return whether the next reply will belong to the next line."""
         if self._is_identified() and not self._unanswered:
             return True
         line = next(self._distinct_lines(), self._identity) if self._is_identified() else self._identity
@@ -190,14 +190,14 @@ class TextLink:
             self._close_link()
             expected = quote_text(self._identified_as or "")
             raise DeviceFaultError("table.other_table", port=self._port, found=quote_text(reply), expected=expected)
-        # the reply may be that to an older query with the same line, and others may still arrive
+        # the reply may belong to an older query with the same line, and other replies may still arrive
         self._wait_until_quiet(self._section.timeout_s if line in self._unanswered else QUIET_TIME)
         self._unanswered.clear()
         self._needs_identification = False
         return True
 
     def _distinct_lines(self) -> Iterator[str]:
-        """Yield the queries whose replies have another form than every reply that may still arrive."""
+        """Yield the queries whose replies cannot be confused with any reply that may still arrive."""
         late = [self._replies[line] for line in self._unanswered if line in self._replies]
         for line, answer in self._questions.items():
             if answer not in self._unanswered.values() and not any(map(answer.search, late)):
@@ -222,7 +222,7 @@ class TextLink:
     def _exchange(self, line: str, answer: re.Pattern[str] | None, strict: bool = False) -> str | None:
         """Send a line and return its reply, or None if none arrives in time.
 
-        If `strict`, only a reply that matches `answer` is accepted; otherwise any reply is, if no matching one arrives.
+        If `strict`, only a reply that matches `answer` is accepted; otherwise any reply is accepted if none matches.
         """
         link = self._send(line)
         deadline = time.monotonic() + self._section.timeout_s
@@ -259,7 +259,7 @@ class TextLink:
         return other
 
     def _wait_until_quiet(self, quiet: float = QUIET_TIME) -> None:
-        """Wait until no byte arrives for `quiet` s, but not much longer than three reply timeouts."""
+        """Wait until no byte arrives for `quiet` s, but for at most about three reply timeouts."""
         deadline = time.monotonic() + (3.0 if quiet > QUIET_TIME else 1.0) * self._section.timeout_s
         while self._link is not None and time.monotonic() < deadline:
             try:

@@ -46,7 +46,7 @@ class ChamberFlags(StrictModel):
 
 
 class ChamberTextSection(LineSection):
-    """`[text]` of a chamber; queries that no flag and no value needs are sent once, at identification."""
+    """`[text]` of a chamber; queries that are not polled are sent once, when the chamber is identified."""
 
     decimals: int = Field(default=1, ge=0, le=9)
     commands: ChamberLines
@@ -62,7 +62,7 @@ class ChamberTextSection(LineSection):
 
     @property
     def polled(self) -> tuple[str, ...]:
-        """Names of the queries of a poll, without those of equal lines."""
+        """Names of the queries that are sent in each poll."""
         flags = (flag.query for _, flag in self.flags if flag is not None and flag.query is not None)
         return tuple(dict.fromkeys(("air", "set_point", *flags)))
 
@@ -75,9 +75,9 @@ class ChamberWrites(StrictModel):
 
 
 class ChamberModbusSection(ProfileSection):
-    """`[modbus]` of a chamber: its registers; `running`, `alarm` and `door` are set if they are not 0.
+    """`[modbus]` of a chamber; the flags `running`, `alarm` and `door` are set if their registers are not 0.
 
-    `expected` contains the values of registers that are compared once, when the chamber is identified.
+    `expected` contains register values that are compared once, when the chamber is identified.
     """
 
     unit: int = Field(default=1, ge=0, le=255)
@@ -106,9 +106,10 @@ class ChamberModbusSection(ProfileSection):
 class ChamberProfile(ProfileSection):
     """A type of chamber, with all data for its driver and the control.
 
-    range_c, max_rate_c_per_min : range of its set point, °C, and largest rate of its air, K/min
-    follow_s : time within which its air must approach the set point, s
-    alarms : names of its alarms by their number in the register or group `alarm`
+    range_c : range of the set point, °C
+    max_rate_c_per_min : largest rate of the air temperature, K/min
+    follow_s : time within which the air temperature must approach the set point, s
+    alarms : names of the alarms by number, as in the register or group `alarm`
     """
 
     name: str
@@ -140,7 +141,7 @@ class ChamberProfile(ProfileSection):
 
     @property
     def max_rate(self) -> float:
-        """Largest rate of the air, K/s."""
+        """Largest rate of the air temperature, K/s."""
         return self.max_rate_c_per_min / 60.0
 
     def at_station(self, timeout_s: float | None) -> "ChamberProfile":
@@ -150,7 +151,7 @@ class ChamberProfile(ProfileSection):
         return self.model_copy(update={self.protocol: self.section.model_copy(update={"timeout_s": timeout_s})})
 
     def alarm(self, number: str) -> str:
-        """Return the name of an alarm, by default its number."""
+        """Return the name of an alarm, by default the text itself or `code NUMBER`."""
         return self.alarms.get(number, number if re.search("[A-Za-z]", number) else f"code {number}")
 
 

@@ -1,4 +1,4 @@
-"""Types of entries, and rules for sections, that all profiles use."""
+"""Types of entries, and rules for sections, for all profiles."""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
@@ -12,7 +12,7 @@ LAST_ADDRESS = 0xFFFF
 T = TypeVar("T")
 M = TypeVar("M", bound=StrictModel)
 
-#: Result of a rule, which is one or several errors, or nothing if the section obeys the rule.
+#: Result of a rule: one or several errors, or a false value if the section obeys the rule.
 Errors = EntryError | Iterable[EntryError] | Literal[False] | None
 Rule = Callable[[M], Errors]
 Rules = tuple[Rule[M], ...]
@@ -24,7 +24,7 @@ def as_errors(errors: Errors) -> Iterable[EntryError]:
 
 
 def violations(section: M, rules: Rules[M]) -> Iterator[EntryError]:
-    """Yield the errors of a section; only the first is certain, because a rule may rely on the preceding ones."""
+    """Yield the errors of a section; only the first is certain, because a rule may assume that earlier rules hold."""
     return (error for rule in rules for error in as_errors(rule(section)))
 
 
@@ -46,17 +46,17 @@ class ProfileSection(StrictModel):
 
 
 def only_if(applies: Callable[[Any], bool], *rules: Rule[Any]) -> Rules[Any]:
-    """Return rules that are checked only for sections to which they apply."""
+    """Return rules that are checked only for sections for which `applies` is true."""
     return tuple(lambda section, rule=rule: applies(section) and rule(section) for rule in rules)
 
 
 def each(name: str, *rules: Rule[Any]) -> Rule[Any]:
-    """Return a rule by which every element of an entry must obey the given rules."""
+    """Return a rule that applies the given rules to every element of an entry."""
     return each_item(name, lambda section, key, element: violations(element, rules))
 
 
 def each_item(name: str, rule: Callable[[Any, Any, Any], Errors]) -> Rule[Any]:
-    """Return a rule that checks every element of an entry, given the section, the number or key, and the value."""
+    """Return a rule that calls `rule` with the section, the index or key, and the value of each element of an entry."""
 
     def of_elements(section: StrictModel) -> Iterator[EntryError]:
         elements = getattr(section, name)
@@ -67,7 +67,7 @@ def each_item(name: str, rule: Callable[[Any, Any, Any], Errors]) -> Rule[Any]:
 
 
 def needs(owner: str, *names: str) -> Rule[Any]:
-    """Return a rule by which a section must have these entries; `owner` is formatted with the section."""
+    """Return a rule that requires these entries; the section is inserted into `owner`, which requires them."""
     return lambda section: (
         EntryError("profile.needed_by", name, owner=owner.format(section))
         for name in names
@@ -76,14 +76,14 @@ def needs(owner: str, *names: str) -> Rule[Any]:
 
 
 def excludes(other: str, *names: str) -> Rule[Any]:
-    """Return a rule by which these entries must not occur beside `other`, into which the section is formatted."""
+    """Return a rule that forbids these entries together with `other`, into which the section is inserted."""
     return lambda section: (
         EntryError("profile.not_with", name, other=other.format(section)) for name in names if is_set(section, name)
     )
 
 
 def only_with(owner: str, *names: str) -> Rule[Any]:
-    """Return a rule by which these entries must not occur, because they belong to `owner`."""
+    """Return a rule that forbids these entries, because they belong to `owner`."""
     return lambda section: (
         EntryError("profile.belongs_to", name, owner=owner) for name in names if is_set(section, name)
     )
@@ -96,7 +96,7 @@ def is_set(section: StrictModel, name: str) -> bool:
 
 
 def with_prefix(error: EntryError, *prefix: str | int) -> EntryError:
-    """Return the error of a section with the key path `prefix` of the section added."""
+    """Return an error with `prefix`, the key path of its section, prepended to its own key path."""
     return EntryError(error.code, *prefix, *error.key_path, **error.values)
 
 
@@ -108,7 +108,7 @@ def require(value: T, is_valid: object, code: str, **values: Any) -> T:
 
 
 def one_of(kinds: Iterable[str]) -> AfterValidator:
-    """Return a validator of the name of a checksum, which must be one of `kinds`."""
+    """Return a validator that accepts only the checksum names in `kinds`."""
     names = list(kinds)
     return AfterValidator(lambda kind: require(kind, kind in names, "profile.unknown_check", names=names))
 

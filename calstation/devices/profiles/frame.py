@@ -78,7 +78,7 @@ class FrameField(ProfileSection):
 
     @property
     def counts_samples(self) -> bool:
-        """Whether the type suits a counter, which is unsigned or in floating-point seconds with `per_sample`."""
+        """Whether the type suits a counter: unsigned, or floating-point seconds with `per_sample`."""
         return is_set(self, "per_sample") if self.is_float else number(self.type) == Number("u", self.width)
 
     def fits_word(self, width: int) -> bool:
@@ -221,7 +221,7 @@ class FrameSection(ProfileSection):
         return next((f for f in self.fields if f.name == name), None)
 
     def required_field(self, name: str) -> FrameField:
-        """Return the field with a name, which every validated sample frame contains."""
+        """Return the field with a name that every validated sample frame contains."""
         return next(f for f in self.fields if f.name == name)
 
     def positions(self) -> list[tuple[FrameField, int, int]]:
@@ -257,7 +257,7 @@ class FrameSection(ProfileSection):
 
     @property
     def max_length(self) -> float:
-        """Largest size in bytes that the entry `length` can represent; infinite without a length."""
+        """Largest frame size in bytes that the length field and `max_size` allow; infinite without a length field."""
         if self.length is None:
             return np.inf
         stated = (1 << 8 * number(self.length.extended or self.length.type).width) - 1

@@ -56,7 +56,7 @@ _PROTOCOL = 'protocol = "{0.protocol}"'
 
 
 class StreamSection(StrictModel):
-    """`[stream]`: meaning of a count, in the units of the section `[imu]` of a log."""
+    """`[stream]`: sample rate and meaning of a count, in the units of the section `[imu]` of a log."""
 
     sample_rate_hz: float = Field(gt=0, le=100_000)
     output: Literal["increment", "rate"]
@@ -87,7 +87,7 @@ class StatusSection(StrictModel):
 
 
 class CorrectedSection(StrictModel):
-    """`[corrected]`: command that starts the stream with the registers applied, and frame of this stream."""
+    """`[corrected]`: command that starts the stream with the registers applied, and the frame of this stream."""
 
     stream: Word | None = None
     start: list[CommandLine] = Field(default_factory=list)
@@ -128,7 +128,7 @@ else:  # the sections are fields, so that errors name them as in the file
 class ImuProfile(_ProtocolSections):
     """A type of IMU, with all data for its driver, the register transfer and the solvers.
 
-    `range_c` is the range of the surroundings in which the unit may be operated, °C, which is required in a chamber.
+    `range_c` is the range of ambient temperatures in which the unit may be operated, °C; it is required in a chamber.
     """
 
     name: str
@@ -201,7 +201,7 @@ class ImuProfile(_ProtocolSections):
 
     @property
     def quantised_stream(self) -> StreamSection:
-        """The stream with its quantisation, which is one count unless the profile or the frame specifies it."""
+        """The stream with its quantisation, which is one count unless the profile or the frame specifies another."""
         steps, changes = channel_range(self.frame).step, {}
         for sensor, step in (("gyro", steps[:3].max()), ("accel", steps[3:].max())):
             if getattr(self.stream, f"{sensor}_quantisation") is None and step != 1.0:

@@ -96,7 +96,7 @@ class RegisterEntry(ProfileSection):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Name of each number; the names of groups are replaced by those of their members."""
+        """Name of each number; a group is replaced by the names of its members."""
         return tuple(name for listed in self.parameters for name in self._members(listed))
 
     def _members(self, listed: str) -> Sequence[str]:
@@ -263,7 +263,7 @@ def _by_name(profile: "ImuProfile") -> dict[str, RegisterEntry]:
 
 
 def _temperature_errors(seen: Mapping[str, RegisterEntry]) -> Iterator[EntryError]:
-    """Yield the errors of coefficients without a reference and range, without their parameter, or of a matrix."""
+    """Yield the errors of coefficients without registers for the reference and range, or for their parameter."""
     over = [name for name in seen if is_over_temperature(name)]
     for name in TEMPERATURES if over else ():
         if name not in seen:

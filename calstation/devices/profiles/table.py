@@ -99,7 +99,7 @@ class ModbusSection(ImuLinkSection):
 
 
 class AccuracySection(StrictModel):
-    """`[accuracy]`: uncertainty of angles and rests as in the section `[table]` of a log, and age of the angles, s."""
+    """`[accuracy]`: uncertainties of angles and rests, as in `[table]` of a log, and the age of polled angles, s."""
 
     encoder_sigma_deg: float = Field(gt=0, le=90)
     mount_sigma_deg: float = Field(gt=0, le=180)
@@ -290,7 +290,7 @@ class TableProfile(ProfileSection):
 
 
 def _encoder_error(sigma: float) -> EntryError | None:
-    """Return the error of a sigma, °, that no encoder has; a manual rig may have a larger one, because it has none."""
+    """Return an error if a sigma, °, is too large for an encoder; a manual rig has none and may exceed the limit."""
     values = {"value": sigma, "bound": _MAX_ENCODER_SIGMA}
     return (
         EntryError("entry.less_than_equal", "accuracy", "encoder_sigma_deg", **values)

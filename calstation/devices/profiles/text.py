@@ -51,7 +51,7 @@ class CommandLines(ProfileSection):
 
 
 def _line_errors(lines: Sequence[str], command: str) -> Iterator[EntryError]:
-    """Yield the errors in the lines of a command; its first value must be sent for both axes."""
+    """Yield the errors in the lines of a command, whose first value must be sent for both axes."""
     values, named = _VALUES.get(command, ()), set[str]()
     for i, line in enumerate(lines):
         with entry(command, i):
@@ -164,7 +164,7 @@ class CheckedLines(StrictModel):
 
 
 class LineSection(ProfileSection):
-    """The framing of the lines of a device with text commands, and its queries; `identity` is one of them."""
+    """The framing of the lines of a device with text commands, and its queries, which include `identity`."""
 
     timeout_s: float = Field(default=0.5, gt=0, le=60)
     gap_s: float = Field(default=0.0, ge=0, le=5)

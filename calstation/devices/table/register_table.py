@@ -181,11 +181,11 @@ class RegisterTable(Table):
 
     @property
     def deviation(self) -> str | None:
-        """The difference of a Modbus TCP reply from its request; see `links.TcpConnection`."""
+        """How a Modbus TCP reply differs from its request; see `links.TcpConnection`."""
         return self._link.deviation
 
     def late_reply(self, unit: int, limit: float) -> float | None:
-        """Return the delay of a unit's reply, s, up to `limit` s of host time; None without a reply."""
+        """Return the reply time of a unit, s; None if no reply arrives within `limit` s of host time."""
         return self._link.late_reply(unit, limit) if isinstance(self._link, ModbusLink) else None
 
     def _unit(self, name: str) -> int | None:
@@ -194,7 +194,7 @@ class RegisterTable(Table):
         return modbus.inner_unit if modbus is not None and name.startswith("inner_") else None
 
     def _flags(self, name: str, value: Mapping[str, float]) -> list[bool]:
-        """Return a flag for each drive; empty if the profile does not define the flag."""
+        """Return the value of a flag for each drive; an empty list if the profile does not define the flag."""
         bit: StatusBit | None = getattr(self._map.bits, name)
         if bit is None:
             return []

@@ -21,7 +21,7 @@ from calstation.errors import ConfigurationError
 from calstation.estimation.common import snap_angles
 from calstation.physics import FloatArray, JointLimits
 
-#: Pattern groups in the replies to each query; there is one reply for both axes or one for each axis.
+#: Pattern groups in the replies to each query, with one reply for both axes or one for each axis.
 Answers = dict[str, list[dict[str, str]]]
 
 
@@ -114,7 +114,7 @@ class TextTable(Table):
         return self._link.received
 
     def _send(self, command: str, repeat: bool = True, **values: tuple[float, float]) -> None:
-        """Send the lines of a command, lines with {axis} once for each axis; values are in rad, rad/s and rad/s²."""
+        """Send the lines of a command, those with {axis} once for each axis; values are in rad, rad/s and rad/s²."""
         lines: list[str] = getattr(self._text.commands, command)
         numbers = {name: [self._number(float(np.rad2deg(v))) for v in both] for name, both in values.items()}
         named = {f"{j}_{name}": both[i] for name, both in numbers.items() for i, j in enumerate(JOINTS)}
@@ -128,7 +128,7 @@ class TextTable(Table):
         return text.removeprefix("-") if float(text) == 0.0 else text
 
     def _poll(self) -> Answers:
-        """Send all queries except the identity; equal lines are sent once, and the angles in the middle of the poll."""
+        """Send all queries except the identity, the angle query in the middle; equal lines are sent only once."""
         queries = self._text.queries
         sends = list(dict.fromkeys(query.send for name, query in queries.items() if name != "identity"))
         angles = queries["position"].send
@@ -145,7 +145,7 @@ class TextTable(Table):
         return answers
 
     def _ask(self, name: str) -> list[str]:
-        """Return the replies to a query, one for each axis if its line has {axis}; they match the profile."""
+        """Return the replies to a query, one for each axis if its line has {axis}. Raises UnexpectedReplyError."""
         query = self._text.queries[name]
         replies = []
         for axis in self._text.axes if "{axis}" in query.send else [""]:
@@ -200,7 +200,7 @@ class TextTable(Table):
         return any(self._flags(name, answers) or [otherwise])
 
     def _flags(self, name: str, answers: Answers) -> list[bool]:
-        """Return a flag for each axis; empty if the profile does not define the flag."""
+        """Return the value of a flag for each reply; an empty list if the profile does not define the flag."""
         flag: Flag | None = getattr(self._text.flags, name)
         if flag is None:
             return []
@@ -215,7 +215,7 @@ class GimbalTable(TextTable, Gimbal):
         self._section = profile.section_of(GimbalSection)
 
     def status(self) -> TableStatus:
-        """Poll the state of the gimbal; the angles of a two-axis table in it are NaN."""
+        """Poll the state of the gimbal; `angles` and `rates`, which belong to a two-axis table, are NaN."""
         status = super().status()
         unknown = np.full(2, np.nan)
         return replace(status, angles=unknown, rates=unknown, joints=status.angles, joint_rates=status.rates)

@@ -118,7 +118,7 @@ class ModbusImu(RegisteredImu):
 
     @contextmanager
     def _quiet(self) -> Iterator[None]:
-        """Switch the stream off while the context is open, if the profile specifies this."""
+        """Switch the stream off within the context if the profile requires this."""
         stream = self._section.stream
         if stream is None or stream.off is None:
             yield

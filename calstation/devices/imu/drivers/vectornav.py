@@ -80,7 +80,7 @@ class VectorNavImu(RegisteredImu):
         self._ask(f"VNWRG,{entry.address},{written}")
 
     def _ask(self, words: str, *, timeout: float | None = None, attempts: int = ATTEMPTS) -> list[str]:
-        """Send a line; return the fields of the reply after the repeated command and register."""
+        """Send a line; return the fields of the reply that follow the repeated command and register number."""
         return self._send(self._transaction(words), attempts, timeout)
 
     def _other_transactions(self) -> Iterator[Transaction[list[str]]]:
