@@ -19,9 +19,8 @@ from calstation.messages import os_reason
 _START_TIMEOUT = 180.0
 
 _CHECK_INTERVAL = 0.1
-_STOP_TIMEOUT = (
-    15.0  # longer than the watchdog timeout of the virtual table, because a bench with a report waits for it
-)
+#: Timeout for the exit of the bench, host time in s. A bench with a report first waits for the table's watchdog.
+_STOP_TIMEOUT = 15.0
 
 #: Polling interval if the bench follows host time, s, as on hardware.
 _TICK = 0.05
@@ -45,7 +44,7 @@ _CREATION_FLAGS = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 
 @dataclass
 class BenchHost:
-    """A running bench process with its `endpoints`, the JSON object on its first output line."""
+    """A running bench process; `endpoints` is the JSON object on its first output line."""
 
     process: subprocess.Popen[bytes]
     endpoints: Mapping[str, Any]
@@ -101,7 +100,7 @@ class BenchClock:
     `sleep` returns once the IMUs' readers have read every byte that the bench sent up to the new time, so that a run
     does not depend on the computer's load. Raises DeviceFaultError if the bench refuses a request or does not reply.
 
-    endpoint : host and port of the clock service
+    endpoint : host and port of the control service
     speed : multiple of real time; 0 if time advances only by `sleep`
     """
 
@@ -163,7 +162,7 @@ class BenchClock:
 
     def _wait_for_bytes(self, sent: Sequence[int]) -> None:
         begin = time.monotonic()
-        # only for the current link
+        # only bytes missing on the current link
         missing = {index: count for index, count in self._missing.items() if count <= sent[index]}
         while behind := {
             index: sent[index] - count

@@ -116,7 +116,7 @@ class FaultCommand(Settings):
 
 
 class BodySettings(Settings):
-    """The motion of a body with several units, which alternates between rests and motions of constant duration."""
+    """The motion of a body with several units: rests and motions of constant duration alternate."""
 
     rest_s: Positive = 8.0
     motion_s: Positive = 24.0

@@ -37,7 +37,7 @@ _MAX_START_ANGLE = np.deg2rad(15.0)
 class LiveBench:
     """All devices with a common time, without their links.
 
-    `host_time` is the clock of the watchdog, and `now` the time of the clock service, s. Fault commands for the links
+    `host_time` is the clock of the watchdog, and `now` the time of the control service, s. Fault commands for the links
     are passed to `on_link`. A unit with a `first` unit is on the table or body of that unit and advances with it;
     `outbox` contains the frames that it has sent in the meantime.
     """
@@ -55,7 +55,7 @@ class LiveBench:
                 unit_table = self.truth.table
                 table = replace(first.truth.table, mount=unit_table.mount, orientation=unit_table.orientation)
                 self.truth = replace(self.truth, table=table, encoder=first.truth.encoder)
-        again = [config.interruptions] if config.interruptions else []  # the noise is another one
+        again = [config.interruptions] if config.interruptions else []  # a resumed run has different noise
         stream_seed, encoder_seed, other_seed = np.random.SeedSequence([config.seed, 1, flash_cycles, *again]).spawn(3)
         self._random = np.random.default_rng(other_seed)
         if config.start_deg is None:
@@ -91,7 +91,7 @@ class LiveBench:
                 self.truth.imu, self.truth.table, stream_seed, thermal=self.thermal, air=self._air
             )
         else:
-            #: Device time of the first unit at which the device time of this one is 0, s, at equal temperatures.
+            #: Device time of the first unit when the device time of this unit is 0, s, if both have no clock delay.
             self._begin = (config.power_on_s - first._power_on) * first._gain
             self._stream = SensorStream(
                 self.truth.imu,
@@ -123,7 +123,7 @@ class LiveBench:
         per_count = imu.sample_rate if imu.output == "increment" else 1.0
         self.unit = UNITS[config.imu_protocol](config, np.repeat([imu.gyro_lsb, imu.accel_lsb], 3) * per_count)
         if self.thermal is not None:
-            self.unit.sensed = self.thermal.sensed
+            self.unit.sensor_output = self.thermal.sensor_output
         if config.calibrated:
             self.unit.calibrate(imu.error_model())
         if config.table_protocol == "imu_link":
@@ -140,12 +140,12 @@ class LiveBench:
     @property
     def device_time(self) -> float:
         """Current time of the devices, s."""
-        return (self.now - self._power_on) * self._gain - self._late
+        return (self.now - self._power_on) * self._gain - self._clock_delay
 
     @property
-    def _late(self) -> float:
-        """Delay of the clock due to the temperature, s."""
-        return 0.0 if self.thermal is None else self.thermal.late
+    def _clock_delay(self) -> float:
+        """Delay of the unit's clock due to the temperature, s."""
+        return 0.0 if self.thermal is None else self.thermal.clock_delay
 
     @property
     def sample_count(self) -> int:
@@ -237,7 +237,7 @@ class LiveBench:
         if thermal is None:
             return
         if order == "temperature_stuck":
-            thermal.stuck = thermal.sensed(self.device_time)
+            thermal.stuck = thermal.sensor_output(self.device_time)
         elif order == "temperature_offset":
             thermal.offset = value
         elif order == "temperature_jump":
@@ -271,7 +271,7 @@ class LiveBench:
             return b""
         if self._first is not None and isinstance(self._stream, SensorStream):
             rate = self._first._gain / self._gain
-            self._stream.begin = self._begin + rate * self._late - self._first._late
+            self._stream.begin = self._begin + rate * self._clock_delay - self._first._clock_delay
         if isinstance(self._stream, ManualRigStream | BodyStream):
             output = self._stream.produce(count)
         elif isinstance(self._stream, GimbalStream):

@@ -1,4 +1,4 @@
-"""The bench process, which opens the links of the devices and runs until its standard input closes."""
+"""The bench process, which serves the devices' links until standard input or the last control connection closes."""
 
 import asyncio
 import json
@@ -32,25 +32,26 @@ MAX_PACED_STEP = 0.1
 #: Largest backlog of host time, s; if the computer is too slow, device time passes more slowly than host time.
 MAX_BACKLOG = 1.0
 #: Iterations of the event loop before the watchdog is checked, so that pending requests on the table's link are
-#: processed first; they may be late because of the computer instead of the client.
+#: processed first; their delay may be due to the computer, not the client.
 _LOOP_ITERATIONS = 3
 #: Device time allowed for the table to come to rest after the last client has disconnected, s.
 COASTING_TIME = 2.0
-#: Faults of the links of the chamber.
-_CHAMBER_LINKS = ("mute_chamber", "slow_chamber", "hang_up_chamber")
+#: Faults of the chamber's links.
+_CHAMBER_LINK_FAULTS = ("mute_chamber", "slow_chamber", "hang_up_chamber")
 
 
-class ClockService:
+class ControlService:
     """A TCP server whose JSON lines advance or query the bench's time, or inject a fault.
 
         {"advance": seconds}                 -> {"now": s, "samples": n, "bytes": [n, ...]}
         {"now": null}                        -> the same, immediately
-        {"order": name, "value": number}     -> the same, after execution; with {"unit": number} for units other than 1
+        {"order": name, "value": number}     -> the same, after execution, or after scheduling with {"after": seconds}
         {"carry": [outer, inner], "rest": s} -> the same; the simulated operator sets the rails to these angles, rad
         anything else                        -> {"error": text}
 
-    `samples` is the number of samples that the first unit has produced. `bytes` are the numbers of bytes sent to the
-    current client of each IMU link, 0 after the client has disconnected.
+    An order is a `FaultCommand`, whose `unit` must be given for units other than 1. `samples` is the number of samples
+    that the first unit has produced, and `bytes` the number of bytes sent to the current client of each IMU link, which
+    is 0 after the client has disconnected.
 
     Parameters
     ----------
@@ -116,7 +117,7 @@ class ClockService:
         return self._report()
 
     def _unit_for(self, command: FaultCommand) -> LiveBench:
-        """Return the unit that executes a fault command, the first one for the table. Raises ValueError."""
+        """Return the unit that executes a fault command: the first one for the table. Raises ValueError."""
         first = self._units[0]
         if command.affects_table or len(self._units) == 1:
             return first
@@ -150,7 +151,7 @@ class BenchProcess:
             self._simserv = Simserv(bench.chamber)
             registers = ModbusServer({1: ChamberRegisters(bench.chamber)}, tcp=True)
             self._chamber_lines = [SocketLine(server.new_parser) for server in (self._simserv, registers)]
-        self._clock = ClockService(self._units, self._advance, self._report, self.stop)
+        self._clock = ControlService(self._units, self._advance, self._report, self.stop)
         self._advance_lock = asyncio.Lock()
         self._advanced = asyncio.Condition()
         self._stopped = asyncio.Event()
@@ -178,9 +179,11 @@ class BenchProcess:
             self._write_report()
 
     def _announce(self) -> None:
-        """Print the links as JSON: `table` and `clock` ("host:port", or a path), `imu`, `imu2`, ... (as URLs).
+        """Print the addresses as one JSON object.
 
-        `chamber` and `chamber_modbus` ("host:port") are the links of a chamber.
+        `imu`, `imu2`, ... are URLs or paths of terminals, and `clock`, `chamber` and `chamber_modbus` are "host:port".
+        `table` is "host:port" or a path, or the address of the first IMU if the table has no link. `table_transport`
+        and `serial` are those of the configuration.
         """
         first, *other_units = self._lines
         table = self._table_line or first
@@ -246,7 +249,7 @@ class BenchProcess:
                 self._announce()
         elif command.order == "slow_imu":
             line.reply_delays.append(command.value)
-        elif command.order in _CHAMBER_LINKS:
+        elif command.order in _CHAMBER_LINK_FAULTS:
             self._execute_for_chamber_link(command)
         elif command.order == "mute_table" and controller is not None:
             controller.ignored_requests += number
@@ -292,7 +295,7 @@ class BenchProcess:
 
 
 def _with_faults(config: BenchConfig, unit: BenchConfig) -> BenchConfig:
-    """Return the configuration of a unit with its fault commands; the first unit executes those for the table."""
+    """Return the configuration of a unit with its fault commands; the first unit has also those for the table."""
     if not config.secondaries:
         return unit
     if unit is config:
@@ -304,7 +307,7 @@ def _with_faults(config: BenchConfig, unit: BenchConfig) -> BenchConfig:
 
 
 def _controller(config: BenchConfig, bench: LiveBench) -> ModbusServer | TextController | None:
-    """Return the controller of a table with a line, or None."""
+    """Return the table's controller, or None if the table has no link."""
     serial, tcp = config.table_serial, config.table_transport == "tcp"
     match config.table_protocol:
         case "modbus":
@@ -320,7 +323,7 @@ def _controller(config: BenchConfig, bench: LiveBench) -> ModbusServer | TextCon
 
 
 def warm_up(config: BenchConfig) -> None:
-    """Compile or load from the cache the code that would otherwise delay the first samples."""
+    """Compile the code that would otherwise delay the first samples, or load it from the cache."""
     steps: list[Step] = [Move(0.01, 0.01, 1.0, 1.0), Dwell(0.1)]
     truth = config.truth()
     Simulator(truth, 0).run(steps, "")

@@ -157,7 +157,7 @@ def test_unit_with_a_different_clock_samples_the_same_motion_in_its_own_time(dri
     first, second = (increments(u, f) for u, f in zip(units, move(units, 0.0, 2.0), strict=True))
     assert units[1].sample_count - begin == pytest.approx(6.0 * rate, abs=1.0)
     assert second[:, 2].sum() == pytest.approx(first[:, 2].sum(), abs=1e-5)
-    # the angle reached at equal times of the clock service, by interpolation
+    # the angle reached at equal times of the control service, by interpolation
     times = np.arange(0.2, 3.0, 0.1)
     ends = (np.arange(units[1].sample_count - len(second), units[1].sample_count) + 1) / rate + power_on
     starts = (np.arange(units[0].sample_count - len(first), units[0].sample_count) + 1) / 200.0

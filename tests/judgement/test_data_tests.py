@@ -159,7 +159,7 @@ def test_a_clock_that_follows_the_temperature_is_good_and_one_that_drifts_is_not
         machine.set_point = (25.0, -42.0, 0.0, 45.0, 82.0, 20.0)[int(now // 1800.0)]
         machine.advance(now)
         thermal.step(machine.truth.air, np.array([0.0, 0.0, 1.0]))
-        rows.append((now, now - thermal.late - 0.5 * drift * now**2, thermal.sensed(now)))
+        rows.append((now, now - thermal.clock_delay - 0.5 * drift * now**2, thermal.sensor_output(now)))
     station, device, warmth = np.array(rows).T
     seq = np.arange(int(device[-1] * 10.0))
     nominal = seq / 10.0

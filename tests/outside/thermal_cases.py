@@ -101,7 +101,7 @@ class ThermalSimulator(Simulator):
         """Advance the chamber; return the temperature of the air."""
         self._chamber_time += GRID
         self.chamber.advance(self._chamber_time)
-        self._sensed.append((self._stream.produced, self.thermal.sensed(self.time), self.chamber.temperature))
+        self._sensed.append((self._stream.produced, self.thermal.sensor_output(self.time), self.chamber.temperature))
         return self.chamber.truth.air
 
     def soak(self, target: float, rate: float, hold: float) -> None:
@@ -201,7 +201,7 @@ def _stuck_from(first: int) -> Callable[[int, UnitThermal], None]:
 
     def before(number: int, thermal: UnitThermal) -> None:
         if number == first:
-            thermal.stuck = thermal.sensed(0.0)
+            thermal.stuck = thermal.sensor_output(0.0)
 
     return before
 

@@ -67,7 +67,7 @@ def test_the_unit_corrects_as_the_program_does(temperature: float) -> None:
     entries, values = thermal_map(), registers()
     complete = {name: values.get(name, 0.0) for name in entries.parameters}
     unit = FramedUnit(BenchConfig(grade="mems", thermal_registers=True))
-    unit.sensed = lambda time: temperature
+    unit.sensor_output = lambda time: temperature
     for key, numbers in entries.encode(complete).items():
         unit.registers[key : key + len(numbers)] = numbers
     random = np.random.default_rng(2)

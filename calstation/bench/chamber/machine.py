@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.bench.truth import GRID, ChamberAir
 
-#: Difference of the temperature at which the controller demands its full power, K, and its integration time, s.
+#: Control error at which the controller demands full power, K, and its integration time, s.
 _BAND, _INTEGRATION = 6.0, 400.0
 #: Time constant of the chamber's sensor, s.
 _SENSOR = 8.0
@@ -41,7 +41,7 @@ class ChamberMachine:
 
     @property
     def temperature(self) -> float:
-        """Temperature of the air as its sensor measures it, °C."""
+        """Air temperature measured by the chamber's sensor, °C."""
         return self._shown
 
     def start(self) -> None:
@@ -62,7 +62,7 @@ class ChamberMachine:
         self.door_open, self.door_closes = True, self._now + seconds
 
     def advance(self, now: float) -> None:
-        """Advance to `now`, s, in steps of the same size."""
+        """Advance to `now`, s, in steps of `GRID`."""
         while self._now + GRID <= now:
             self._now += GRID
             self.door_open = self.door_open and self._now < self.door_closes
@@ -72,7 +72,7 @@ class ChamberMachine:
                 self._shown = self._sensor + self.offset
 
     def _demand(self) -> float:
-        """Return the demand for cooling (-1) to heating (1)."""
+        """Return the demand, from full cooling (-1) to full heating (1)."""
         if not self.running or self.powerless:
             return 0.0
         error = self.set_point - self._shown

@@ -236,7 +236,7 @@ class ImuUnit(ABC):
         self.scale: FloatArray = np.ones(6) if scale is None else scale
         self.increments = config.output == "increment"
         #: Output of the temperature sensor at a time, °C, if the unit is in a chamber.
-        self.sensed: Callable[[float], float] | None = None
+        self.sensor_output: Callable[[float], float] | None = None
         self.write_power_cut: int | None = None
         self.commit_power_cut: int | None = None
         self.streaming = True
@@ -286,8 +286,8 @@ class ImuUnit(ABC):
     def temperature(self, time: float) -> float:
         """Return the sensor temperature at `time`, °C."""
         config = self._config
-        if self.sensed is not None:
-            return self.sensed(time)
+        if self.sensor_output is not None:
+            return self.sensor_output(time)
         return float(config.ambient_c + config.warm_up_c * -np.expm1(-time / config.warm_up_time_s))
 
     def frames(self, output: StreamOutput, ends: FloatArray) -> bytes:

@@ -1,6 +1,6 @@
 """The controller of the virtual three-axis gimbal, with a text protocol for the table's state machine and watchdog.
 
-Angles are in degrees, rates in °/s. Lines end with LF. Every reply is one line; a refused command is answered by "?".
+Angles are in degrees, rates in °/s. Lines end with LF. Every reply is one line; the reply to a refused command is "?".
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ MODEL = "VG-3"
 
 
 class GimbalDrive(TableDrive):
-    """The drive of the gimbal, whose commands for homing and stopping act on all joints."""
+    """The drive of the gimbal; homing and stopping act on all joints."""
 
     def __init__(self, stream: GimbalStream) -> None:
         super().__init__(EncoderTruth(0.0, 0.0, (0.0, 0.0), 0.0))
@@ -52,10 +52,8 @@ class GimbalController(TextController):
     """
 
     def __init__(self, machine: TableMachine, stream: GimbalStream, clocks: Clocks, serial: str, travel: float) -> None:
-        self._machine, self._stream, self._clocks = machine, stream, clocks
-        self._serial, self._travel = serial, travel
-        self._pending = b""
-        self.ignored_requests = 0
+        super().__init__(serial)
+        self._machine, self._stream, self._clocks, self._travel = machine, stream, clocks, travel
 
     def _reply(self, line: str) -> bytes:
         name, *arguments = line.upper().split(",")
@@ -82,7 +80,7 @@ class GimbalController(TextController):
             machine.stop(device)
         elif name in ("LCK", "STB"):
             self._check_permitted()
-            (self._stream.zero if name == "LCK" else self._stream.stabilise)()
+            (self._stream.lock_and_average_bias if name == "LCK" else self._stream.stabilise)()
         elif name == "TRN":
             self._check_permitted()
             self._turn("XYZ".index(arguments[0]), *(float(np.deg2rad(float(text))) for text in arguments[1:3]))
@@ -92,9 +90,8 @@ class GimbalController(TextController):
 
     def _check_permitted(self) -> None:
         machine = self._machine
-        if machine.power is not Power.ENABLED or machine.fault is not Fault.NONE or not machine.homed:
-            raise NotPermitted
-        if self._clocks.device() < self._stream.end:
+        is_ready = machine.power is Power.ENABLED and machine.fault is Fault.NONE and machine.homed
+        if not is_ready or self._clocks.device() < self._stream.end:
             raise NotPermitted
 
     def _turn(self, axis: int, angle: float, rate: float) -> None:

@@ -16,9 +16,8 @@ from calstation.bench.table.machine import Refusal
 class TextController(ABC):
     """A controller on a serial line whose requests end with LF; it ignores the next `ignored_requests` lines."""
 
-    def __init__(self, axes: Axes, serial: str) -> None:
-        self._axes, self._serial = axes, serial
-        self._pending = b""
+    def __init__(self, serial: str) -> None:
+        self._serial, self._pending = serial, b""
         self.ignored_requests = 0
 
     def new_parser(self) -> Callable[[bytes], list[bytes]]:
@@ -57,8 +56,8 @@ class Atl(TextController):
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:
-        super().__init__(axes, serial)
-        self._delayed = b""
+        super().__init__(serial)
+        self._axes, self._delayed = axes, b""
 
     def _reply(self, line: str) -> bytes:
         line = line.upper()
@@ -115,8 +114,8 @@ class Acl(TextController):
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:
-        super().__init__(axes, serial)
-        self._modes = ["Off", "Off"]
+        super().__init__(serial)
+        self._axes, self._modes = axes, ["Off", "Off"]
         self._has_error = False
         axes.machine.set_zero()  # absolute encoders need no homing
 
@@ -191,8 +190,8 @@ class Mn(TextController):
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:
-        super().__init__(axes, serial)
-        self._rate_mode = [False, False]
+        super().__init__(serial)
+        self._axes, self._rate_mode = axes, [False, False]
 
     def _reply(self, line: str) -> bytes:
         match = re.fullmatch(r"\$MN(.*)\*([0-9A-F]{2})", line)
@@ -242,4 +241,4 @@ class Mn(TextController):
 
 
 #: Controller classes by the name of their language.
-LANGUAGES: dict[str, type[TextController]] = {"atl": Atl, "acl": Acl, "mn": Mn}
+LANGUAGES: dict[str, Callable[[Axes, str], TextController]] = {"atl": Atl, "acl": Acl, "mn": Mn}

@@ -26,12 +26,12 @@ class TableMotion(BaseModel):
 
 @dataclass
 class BaseMotion:
-    """The motion of the base, which continues from call to call.
+    """The motion of the base, which is continuous over successive calls.
 
     The sway, with the rms velocity `sway_mm_s` along each horizontal axis of n, and the rocking, with the amplitude
-    `rocking_urad` about each, are sines. The slow motion is a moving mean over `slow_s` of white velocity, with the rms
-    `slow_mm_s` along each axis. After every move the table turns by `creep_urad` about the east axis with the time
-    constant `creep_s`, in alternating directions.
+    `rocking_urad` about each horizontal axis, are sinusoidal. The slow motion is a moving mean over `slow_s` of white
+    velocity noise, with the rms `slow_mm_s` along each axis. After every move, the table turns by `creep_urad` about
+    the east axis with the time constant `creep_s`, in alternating directions.
     """
 
     settings: TableMotion
@@ -39,7 +39,7 @@ class BaseMotion:
     random: np.random.Generator
     _white: FloatArray = field(init=False)
     _phase: FloatArray = field(init=False)
-    #: End of the last move, s, and the angle and change of the creep that follows it, rad.
+    #: End of the last move, s, sum of the earlier creep, and amplitude of the current creep, rad.
     _rest: float = -np.inf
     _angle: float = 0.0
     _creep: float = 0.0

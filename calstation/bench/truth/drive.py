@@ -33,7 +33,7 @@ class TableDrive:
         # The joints are at rest before time 0, because a table is settled when it is switched on.
         self.profiles = [JointProfile.rest(angle, -1.0) for angle in angles]
         offsets = encoder.stop_sigma * self._random.standard_normal(2)
-        # The angles between which the error changes, and the errors at these angles, rad, of each joint.
+        # For each joint, the angles between which the stopping error changes, and the errors at these angles, rad.
         self._stop_errors = [(angle, angle, float(e), float(e)) for angle, e in zip(angles, offsets, strict=True)]
 
     @property

@@ -23,10 +23,10 @@ _PPM = 1e-6
 _RATE = np.deg2rad(100.0)
 
 _SENSORS = ("gyro", "accel")
-#: Rate above which a gyro turns, rad/s.
-_TURNING = np.deg2rad(1.0)
-#: Angle about an axis that counts as a turn, rad.
-_TURNED = np.deg2rad(1.0)
+#: Rate above which the unit is considered to turn, rad/s.
+_MIN_TURN_RATE = np.deg2rad(1.0)
+#: Smallest angle about an axis that counts as a turn, rad.
+_MIN_TURN_ANGLE = np.deg2rad(1.0)
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class EffectTruth:
 
 
 class Changes:
-    """The changes of a unit with `gyro_bias`, rad/s, shape (3,), over time, which continue from call to call."""
+    """The changes over time of a unit with `gyro_bias`, rad/s, shape (3,), continuous over successive calls."""
 
     def __init__(
         self, effects: EffectTruth, interval: float, random: np.random.Generator, gyro_bias: FloatArray
@@ -80,7 +80,7 @@ class Changes:
         self._effects, self._interval, self._random, self._gyro_bias = effects, interval, random, gyro_bias
         self._walk = np.zeros((1, 6))
         #: Sense of the last completed turn about each gyro's axis, and angle of the current one, rad.
-        self._turned, self._angle = np.zeros(3), np.zeros(3)
+        self._last_turn_senses, self._angle = np.zeros(3), np.zeros(3)
 
     def apply(self, increments: FloatArray, first: int) -> None:
         """Change the increments of the samples from number `first` on in place, rad and m/s, shape (n, 6)."""
@@ -90,26 +90,27 @@ class Changes:
         walk = np.cumsum(np.vstack([self._walk, steps]), axis=0)
         self._walk = walk[-1:]
         if np.any([effects.bias_hysteresis, effects.scale_hysteresis]):
-            turned = self._last_turns(increments[:, :3] / interval - self._gyro_bias)
-            increments[:, :3] *= 1.0 + turned * effects.scale_hysteresis
-            increments[:, :3] += turned * effects.bias_hysteresis * interval
+            senses = self._last_turns(increments[:, :3] / interval - self._gyro_bias)
+            increments[:, :3] *= 1.0 + senses * effects.scale_hysteresis
+            increments[:, :3] += senses * effects.bias_hysteresis * interval
         increments *= 1.0 + self._warm_up(times) * effects.warm_up_scale
         increments += (self._bias(times) + walk[1:]) * interval
 
     def _last_turns(self, rates: FloatArray) -> FloatArray:
-        """Return the sense of the last turn from rest to rest at each sample, +1, -1 or 0 before, shape (n, 3)."""
-        turned = np.empty_like(rates)
+        """Return the sense of the last turn from rest to rest at each sample, ±1, or 0 before a turn, shape (n, 3)."""
+        senses = np.empty_like(rates)
         for n, rate in enumerate(rates):
-            if np.abs(rate).max() > _TURNING:
+            if np.abs(rate).max() > _MIN_TURN_RATE:
                 self._angle = self._angle + rate * self._interval
             elif self._angle.any():
-                far = np.abs(self._angle) > _TURNED
-                self._turned, self._angle = np.where(far, np.sign(self._angle), self._turned), np.zeros(3)
-            turned[n] = self._turned
-        return turned
+                far = np.abs(self._angle) > _MIN_TURN_ANGLE
+                self._last_turn_senses = np.where(far, np.sign(self._angle), self._last_turn_senses)
+                self._angle = np.zeros(3)
+            senses[n] = self._last_turn_senses
+        return senses
 
     def parameters(self, parameters: FloatArray, time: float) -> FloatArray:
-        """Return the unit's 30 parameters at `time`, the end of the last sample, s, from their values at time 0."""
+        """Return the unit's 30 parameters at `time`, s, the end of the last sample, given their values at time 0."""
         scale, bias = self._warm_up(time) * self._effects.warm_up_scale, self._bias(time) + self._walk[0]
         changed = parameters.copy()
         for i, p in enumerate(PARAMETERS):

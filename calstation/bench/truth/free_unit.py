@@ -70,7 +70,7 @@ def ideal_increments(
 
 
 class FreeStream:
-    """Samples of one unit on a freely moving body, which do not depend on the sizes of the requests.
+    """Samples of one unit on a freely moving body; they do not depend on how many are requested at a time.
 
     The first sample begins at time `begin` of the motion, s; `gain` is the rate of the unit's clock. The generators of
     vibration and noise may be the same if there is only one request.

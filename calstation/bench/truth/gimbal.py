@@ -36,7 +36,7 @@ class GimbalSamples:
 
 
 class GimbalBench:
-    """A gimbal with a unit whose accelerometers are at the centre; time continues from call to call.
+    """A gimbal with a unit whose accelerometers are at the centre; successive calls are consecutive in time.
 
     order : joints from base to body
     up_force, earth : specific force, m/s², and earth rate, rad/s, in the base frame
@@ -85,7 +85,7 @@ class GimbalBench:
         return self._stabilised(np.zeros((round(seconds / self.interval), 3)), correction)
 
     def turn(self, axis: int, angle: float, rate: float, correction: FloatArray) -> GimbalSamples:
-        """Turn smoothly by `angle`, rad, at mean `rate`, rad/s, about one body axis, with the others at rest."""
+        """Turn smoothly by `angle`, rad, at mean `rate`, rad/s, about one body axis, with the other axes at rest."""
         demanded = self.turn_rates(axis, angle, rate)
         self._begin()
         return self._stabilised(demanded, correction)
@@ -172,7 +172,7 @@ class GimbalStream(GimbalBench):
         super().__init__(imu, seed, **settings)
         #: Whether the joints stabilise the body; otherwise they are locked.
         self.is_stabilised = False
-        self._zeroing: list[FloatArray] | None = None
+        self._bias_samples: list[FloatArray] | None = None
         #: Joint angles at the ends of the following samples if locked, or demanded rates, shape (n, 3).
         self._program = np.empty((0, 3))
 
@@ -191,18 +191,18 @@ class GimbalStream(GimbalBench):
         """Encoder angles, rad, and rates, rad/s, of joints x, y, z, each of shape (3,)."""
         return self.read(self.joints), joint_rates(self._order, self.joints, self._rate)
 
-    def zero(self) -> None:
+    def lock_and_average_bias(self) -> None:
         """Lock the joints at their current angles, and average the gyro output from now on as the bias."""
-        self.is_stabilised, self._program, self._zeroing = False, np.empty((0, 3)), []
+        self.is_stabilised, self._program, self._bias_samples = False, np.empty((0, 3)), []
 
     def stabilise(self) -> None:
-        """Stabilise at rest, with the bias averaged since `zero`."""
-        if self._zeroing:
-            self.bias = np.concatenate(self._zeroing).mean(axis=0)
-        self.is_stabilised, self._program, self._zeroing = True, np.empty((0, 3)), None
+        """Stabilise at rest, with the bias averaged since `lock_and_average_bias`."""
+        if self._bias_samples:
+            self.bias = np.concatenate(self._bias_samples).mean(axis=0)
+        self.is_stabilised, self._program, self._bias_samples = True, np.empty((0, 3)), None
 
     def command_turn(self, axis: int, angle: float, rate: float) -> None:
-        """Turn about a body axis by `angle`, rad, at mean `rate`, rad/s, with the others stabilised."""
+        """Turn about a body axis by `angle`, rad, at mean `rate`, rad/s, with the other axes stabilised."""
         self._begin()
         self._program = self.turn_rates(axis, angle, rate)
 
@@ -210,7 +210,7 @@ class GimbalStream(GimbalBench):
         """Move all joints to zero and lock them there."""
         course = self.course_home(rate)
         self._begin()
-        self.is_stabilised, self._program, self._zeroing = False, course, None
+        self.is_stabilised, self._program, self._bias_samples = False, course, None
 
     def stop(self) -> None:
         """Decelerate to rest and lock the joints."""
@@ -218,7 +218,7 @@ class GimbalStream(GimbalBench):
             self._program = self.course_stop()
         elif len(self._program):
             self._program = self._program[:1]
-        self.is_stabilised, self._zeroing = False, None
+        self.is_stabilised, self._bias_samples = False, None
 
     def produce(self, count: int, gyro_matrix: FloatArray) -> StreamOutput:
         """Return the next `count` samples; stabilisation uses rates corrected by `gyro_matrix`, shape (3, 3)."""
@@ -231,9 +231,9 @@ class GimbalStream(GimbalBench):
                 output, _ = self._run(n, gyro_matrix, following, None)
             else:
                 output, _ = self._run(n, gyro_matrix, None, now if len(now) else np.tile(self.joints, (n, 1)))
-            if self._zeroing is not None:
+            if self._bias_samples is not None:
                 per_count = 1.0 / self.interval if self._imu.output == "increment" else 1.0
-                self._zeroing.append(output.counts[:, :3] * self._imu.gyro_lsb * per_count)
+                self._bias_samples.append(output.counts[:, :3] * self._imu.gyro_lsb * per_count)
             parts.append(output)
             count -= n
         counts = np.concatenate([p.counts for p in parts])
@@ -269,7 +269,7 @@ def _turn_matrix(axis: int, angle: float) -> FloatArray:
 
 @kernel
 def joint_rates(order: IntArray, joints: FloatArray, omega: FloatArray) -> FloatArray:
-    """Return the rates of the joints x, y, z that turn the body at a rate, rad/s, shape (3,).
+    """Return the rates of the joints x, y, z that result in a body rate, rad/s, shape (3,).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Measurements of the unit, from the true motion with the contract's error model, noise and quantisation."""
+"""Measurements of the unit, derived from the true motion with the contract's error model, noise and quantisation."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -65,7 +65,7 @@ GAUSS_NODES = (0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15))
 GAUSS_WEIGHTS = (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0)
 
 
-#: Gauss-Laguerre nodes and weights: a low-pass of first order is a mean over delays with an exponential distribution.
+#: Gauss-Laguerre nodes and weights: a first-order low-pass is a mean over exponentially distributed delays.
 LAGUERRE = tuple(np.polynomial.laguerre.laggauss(4))
 #: Rate of a joint above which a motor runs, rad/s.
 MOVING = 1e-3
@@ -312,12 +312,12 @@ class Digitiser:
 
 
 class SensorStream:
-    """Samples of one unit on one table, which do not depend on the sizes of the requests.
+    """Samples of one unit on one table; they do not depend on how many are requested at a time.
 
     `interval` is the true duration of a sample, s, which differs from the nominal one if the unit's clock is wrong. The
     motion of the table is in the time of another unit, which is `rate` times as fast as the time of this unit and
     equals `begin`, s, when this unit's time is 0. Gravity and earth rate are per second of this unit. In a chamber, the
-    parameters follow the temperatures of `thermal` in the `air`, °C.
+    parameters depend on the temperatures of `thermal`, and `air` returns the air temperature, °C.
     """
 
     def __init__(
@@ -372,14 +372,14 @@ class SensorStream:
         return StreamOutput(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("counts", "saturated")))
 
     def skip(self, count: int, outer: JointProfile, inner: JointProfile) -> None:
-        """Let the time of the next `count` samples pass without them; only the temperatures change."""
+        """Skip the next `count` samples; only the temperatures change."""
         thermal = self._thermal
         if thermal is not None and count:
             for taken in self._cells(thermal, count, outer, inner):
                 self.produced += taken
 
     def _cells(self, thermal: UnitThermal, count: int, outer: JointProfile, inner: JointProfile) -> Iterator[int]:
-        """Advance the temperatures, and yield the numbers of samples of each part of the time between two changes."""
+        """Advance the temperatures, and yield the number of samples in each interval of constant temperature."""
         cell_size = max(1, round(GRID / self.interval))
         while count > 0:
             cell, used = divmod(self.produced, cell_size)
@@ -391,7 +391,7 @@ class SensorStream:
             count -= taken
 
     def _advance(self, thermal: UnitThermal, outer: JointProfile, inner: JointProfile) -> None:
-        """Advance the temperatures to the next part of the time, in which the parameters are constant."""
+        """Advance the temperatures to the next interval, in which the parameters are constant."""
         now = np.array([self.produced * self._table_interval + self.begin])
         outer_angle, inner_angle = (float(joint.states(now)[0, 0]) for joint in (outer, inner))
         force = self._field[0]

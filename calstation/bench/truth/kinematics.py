@@ -1,4 +1,4 @@
-"""Joint trajectories in closed form, which are trapezoids of limited acceleration filtered by the drive's resonance.
+"""Joint trajectories in closed form: trapezoidal rate profiles filtered by the resonance of the drive.
 
 The command u(t) has piecewise constant acceleration. The joint follows it like a load on a spring, y = u − d with
 d'' + 2ζω d' + ω² d = u''; on each segment, d is a damped oscillation about a constant deflection.

@@ -51,7 +51,7 @@ class ManualRig:
 
 
 def around(step: float = np.deg2rad(45.0)) -> list[Pose]:
-    """Return the poses of a full turn and back of the inner rail, of the outer rail, and of the latter at inner 90°."""
+    """Return the poses of three full turns and back: of the inner rail, and of the outer rail at inner 0° and 90°."""
     count = round(2.0 * np.pi / step)
     sweep = [k * step for k in (*range(1, count + 1), *range(count - 1, -1, -1))]
     quarter = 0.5 * np.pi
@@ -161,7 +161,7 @@ _RETOUCH_ANGLE = np.deg2rad(12.0)
 
 
 class ManualRigStream:
-    """Samples of one unit on a manual rig, which do not depend on the sizes of the requests.
+    """Samples of one unit on a manual rig; they do not depend on how many are requested at a time.
 
     The operator reacts after a delay, and sometimes touches the rig before it has rested long enough. `requested` is
     the last requested pose, rad.

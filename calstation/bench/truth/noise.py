@@ -1,4 +1,4 @@
-"""Random processes of the bench, bias instability and base vibration, with exact discretisation."""
+"""Random processes of the bench (bias instability and base vibration) with exact discretisation."""
 
 import numpy as np
 
@@ -38,7 +38,7 @@ def instability_steps(instability: FloatArray, interval: float) -> tuple[FloatAr
 
 
 class Vibration:
-    """Velocity of the vibrating base along each axis of n, which continues from call to call.
+    """Velocity of the vibrating base along each axis of n, which is continuous over successive calls.
 
     The autocovariance is s² e^(−aτ) cos aτ. Its first moment ∫ τ r(τ) dτ is zero, so means over times T ≫ 1/a are
     uncorrelated and have the variance s²/(a T). `velocity_sigma` is the rms of such means over `VIBRATION_INTERVAL`,

@@ -60,7 +60,7 @@ class Simulated:
 
 
 class Simulator:
-    """Simulates consecutive stages on one bench, in which time, joints, noise, counter and step continue.
+    """Simulates consecutive stages on one bench; each stage continues from the final state of the previous one.
 
     Equal seeds and plans result in equal samples.
     """
@@ -92,7 +92,7 @@ class Simulator:
         return self._stream.parameters
 
     def run(self, steps: Iterable[Step], stage: str, rounds: int | None = None) -> Simulated:
-        """Simulate one stage, for an endless plan with a number of `rounds`.
+        """Simulate one stage; `rounds` limits an endless plan.
 
         A move ends when both joints have settled, and a dwell after its duration; other steps take no time.
         """

@@ -9,9 +9,8 @@ the joint angles, and each link transforms rate and acceleration exactly. With R
 
     ω' = Rᵀω + a θ',    ω'' = Rᵀω'' − θ' a × (Rᵀω) + a θ''        (rigid-body kinematics, rotating axes)
 
-starting from the earth rate in n, so that the chain ends with ω_ib in b. Where the axes do not meet, the inner axis
-passes the outer one at a distance d, fixed in the axes of the outer body, which adds ω''×d + ω'×(ω'×d) to the force
-after the outer turn.
+starting from the earth rate in n, so that the chain ends with ω_ib in b. If the axes do not intersect, the displacement
+d of the inner axis, which is constant in the outer body, adds ω''×d + ω'×(ω'×d) to the force after the outer turn.
 """
 
 from dataclasses import dataclass, field
@@ -189,8 +188,8 @@ def body_motion(chain: FloatArray, outer: FloatArray, inner: FloatArray, vectors
     ----------
     chain : links from the base to the unit, see `TableTruth.chain`, shape (k, 18)
     outer, inner : angle, rad, rate, rad/s, and acceleration, rad/s², of each joint, shape (3,)
-    vectors : specific force of the base, m/s², to which the displacements of the chain add, ω, rad/s, and its
-        derivative, rad/s², shape (3, 3)
+    vectors : specific force, m/s², which the displacements in the chain change, ω, rad/s, and its derivative, rad/s²,
+        shape (3, 3)
     """
     for j in range(chain.shape[0]):
         link = chain[j]

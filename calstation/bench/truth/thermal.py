@@ -43,8 +43,8 @@ _SHARES = {
 }
 #: Bias at 1 K/min and half the width of the bias hysteresis, relative to the size of the dependence.
 _RATE_SHARE, _HYSTERESIS_SHARE = 0.02, 0.005
-#: Difference from the reference at which the clock of the unit is slower by `clock_ppm`, K; it is a quartz, whose rate
-#: decreases with the square of the difference.
+#: Difference from the reference at which the clock of the unit is slower by `clock_ppm`, K; the clock is a quartz
+#: oscillator whose frequency decreases with the square of the difference.
 _CLOCK_SPAN = 60.0
 #: Half the temperature change that reverses the hysteresis, K.
 _PLAY = 8.0
@@ -68,7 +68,10 @@ class ThermalSettings(BaseModel):
 
 
 class ChamberAir:
-    """Air and wall of a chamber in a room at `room`, °C, whose air changes by at most `max_rate`, K/s."""
+    """Air and wall of a chamber in a room at `room`, °C.
+
+    While the door is closed, the air temperature changes by at most `max_rate`, K/s.
+    """
 
     def __init__(self, room: float, max_rate: float) -> None:
         self.room, self._max_rate = room, max_rate
@@ -76,7 +79,7 @@ class ChamberAir:
         self._power = 0.0
 
     def step(self, demand: float, *, door_open: bool) -> None:
-        """Advance by `GRID` with a demand for cooling (-1) to heating (1)."""
+        """Advance by `GRID` with a demand from full cooling (-1) to full heating (1)."""
         self._power += (demand - self._power) * (1.0 - exp(-GRID / _EXCHANGER))
         rate = _POWER * self._max_rate * self._power + (self.wall - self.air) / _AIR
         rate = min(max(rate, -self._max_rate), self._max_rate)
@@ -89,8 +92,8 @@ class ChamberAir:
 class UnitThermal:
     """Temperatures and parameters of one unit.
 
-    `sensor`, `gyro` and `accel` are the temperatures of temperature sensor, gyros and accelerometers, °C. The clock of
-    the unit is late by `late`, s.
+    `clock_delay` is the delay of the unit's clock, s. The temperature sensor has the faults `stuck`, its constant
+    output, °C, or None, `offset`, K, and `jumps_until`, the device time, s, until which its output is invalid.
 
     Parameters
     ----------
@@ -119,7 +122,7 @@ class UnitThermal:
         self._slopes, self._loops = draw(-1.0, 1.0, (2, COUNT))
         self._index = np.array([1 if p.sensor == "gyro" else 2 for p in PARAMETERS])
         self._is_bias = np.array([p.group.endswith("_bias") for p in PARAMETERS])
-        self.late = 0.0
+        self.clock_delay = 0.0
         self.stuck: float | None = None
         self.offset = 0.0
         self.jumps_until = -np.inf
@@ -133,7 +136,7 @@ class UnitThermal:
     def step(self, air: float, up: FloatArray) -> None:
         """Advance by `GRID` in air of a temperature, °C, with the direction of up in the body frame, shape (3,)."""
         settings, slope = self._settings, float(up @ self._gradient_axis)
-        # the air flows more freely past a hot face that is on top
+        # the air flows more freely past a warm face that is on top
         time = settings.case_time_s * (1.0 - 0.05 * slope)
         self._case += (air + settings.self_heating_c - self._case) * (1.0 - exp(-GRID / time))
         self._gradient += (settings.gradient_c * slope - self._gradient) * (1.0 - exp(-GRID / _GRADIENT))
@@ -141,10 +144,10 @@ class UnitThermal:
         targets = self._case + np.array([0.0, self._gradient, -0.5 * self._gradient])
         self._temperatures += (targets - self._temperatures) * -np.expm1(-GRID / _TIME_CONSTANTS)
         self._rates = (self._temperatures - before) / GRID
-        self.late += GRID * 1e-6 * settings.clock_ppm * ((self._case - REFERENCE) / _CLOCK_SPAN) ** 2
+        self.clock_delay += GRID * 1e-6 * settings.clock_ppm * ((self._case - REFERENCE) / _CLOCK_SPAN) ** 2
         self._play = np.clip(self._play, self._temperatures - _PLAY, self._temperatures + _PLAY)
 
-    def sensed(self, time: float) -> float:
+    def sensor_output(self, time: float) -> float:
         """Return the output of the temperature sensor at device time `time`, s, in °C."""
         if self.stuck is not None:
             return self.stuck
