@@ -1,6 +1,6 @@
 """Opening and identification of devices, link tests, and port locks.
 
-Protocols are in `devices`, and motion is in `sequencer`. A virtual bench opens its devices itself.
+Protocols are in `devices`, and motion is in `sequencer`. A virtual bench supplies its ports through `StationBench`.
 """
 
 from calstation.connection.capture import import_capture

@@ -1,6 +1,6 @@
 """Compatibility of a product with the rig, the gravity, the site and the ports of a station.
 
-All reasons for which a run would be refused before its start are reported together.
+All reasons why a run would be refused before its start are reported together.
 """
 
 from collections.abc import Iterator
@@ -29,7 +29,7 @@ from calstation.parsing import parse_toml
 from calstation.schema import KeyPath, Problem, validate
 from procedures import method
 
-#: Findings by the code of the error for a station without the rig that the product needs.
+#: Finding for each error code of a station that lacks the rig that the product needs.
 _RIGS = {
     "product.needs_manual_table": "needs_hands",
     "plan.needs_gimbal": "needs_gimbal",
@@ -68,7 +68,7 @@ def incompatibilities(setup: RunConfiguration) -> Iterator[Finding]:
 
 
 def station_conflicts(text: str) -> list[Problem]:
-    """Return the valid entries of a station file for which a run would nevertheless be refused."""
+    """Return the problems of valid entries of a station file because of which runs would be refused."""
     data = parse_toml(text)
     station = StationConfig.model_validate(data)
     problems = [] if (error := gravity_contradiction(station.site)) is None else [Problem.of(error)]

@@ -50,8 +50,8 @@ class RealClock:
 class Devices:
     """Open devices and the clock of their data.
 
-    `imus` contains the units of the run in order, with None for a unit that does not reply, whose fault is in `failed`
-    under its index in `imus`.
+    `imus` contains the units of the run in order, or None for a unit that does not reply; `failed` contains its fault
+    by its index in `imus`.
     """
 
     table: RegisterTable | TextTable | ManualTable
@@ -68,7 +68,7 @@ class Devices:
 
 @dataclass(frozen=True)
 class Endpoints:
-    """The port of the table, which is "" for a manual rig, the ports of the IMUs and the chamber, and the clock."""
+    """Ports of the table ("" for a manual rig), the IMUs and the chamber, and the clock of their data."""
 
     table: str
     imus: tuple[str, ...]
@@ -87,7 +87,7 @@ class StationBench(BenchSettings, Protocol):
     def open(
         self, units: tuple[RunConfiguration, ...] | PairConfiguration, check_cancelled: Callable[[], None]
     ) -> AbstractContextManager[Endpoints]:
-        """Return the context in which the bench runs, and which yields its ports; see `endpoints`."""
+        """Return a context in which the bench runs and that yields its ports; see `endpoints`."""
 
     def with_recorded_unit(self, recording: Path, setup: RunConfiguration) -> RunConfiguration:
         """Return the configuration of a bench whose fixture contains the unit of a recording. Raises InputError."""
@@ -205,7 +205,7 @@ def _is_shared(setup: RunConfiguration) -> bool:
 
 
 def port_conflict(profile: TableProfile, table: str, imu: str) -> Text | None:
-    """Return a message if table and IMU share a port, or do not share one, contrary to the profile, or None.
+    """Return a message if table and IMU share a port, or use different ports, contrary to the profile; else None.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ LISTEN_TIME = 0.4
 #: Modbus unit numbers that are queried if the configured unit does not reply.
 UNIT_NUMBERS = range(1, 11)
 
-#: Modbus exceptions that may indicate that another device has the unit number.
+#: Modbus exceptions that may be caused by a wrong unit number.
 OTHER_UNIT_EXCEPTIONS = (4, 10, 11)
 
 #: Reply timeout for each unit number, host time in s.

@@ -1,4 +1,4 @@
-"""Sessions with the unit in the fixture without the table, in which its output is captured or corrected."""
+"""Sessions with the unit in the fixture, without the table, to capture its output or apply a solution to it."""
 
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -181,7 +181,7 @@ def read_unit(
     ----------
     progress : called with the progress
     serial : serial number of the unit
-    recording : recording of the unit, which a virtual bench then contains; None for none
+    recording : recording whose unit a virtual bench then contains; None for the unit of the configuration
     station, product : files; None for the defaults
     seconds : duration of the captured output, s
     """

@@ -26,10 +26,10 @@ _BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600)
 _READY_TIMEOUT = 3.0
 #: Station time over which the stream is observed, s.
 _STREAM_TIME = 1.0
-#: Number of such times during which a converter may forward stored samples faster than they are measured.
+#: Maximum number of these observations while a converter forwards stored samples faster than the sample rate.
 _BACKLOGS = 4
 _SLICE = 0.1
-#: Station time between two reads of the stream, s, within which the end of a burst of samples is known.
+#: Station time between two reads of the stream, s; it limits the error of the time at which a burst of samples ends.
 _BURST_SLICE = 0.02
 _LINE_ENDS = (b"\r\n", b"\n", b"\r")
 _RATE_TOLERANCE = 0.05
@@ -92,7 +92,7 @@ class ImuTest:
         for _ in range(_BACKLOGS):
             before, parts, elapsed, measured = imu.stats, *self._listen()
             if measured < (1.0 + _RATE_TOLERANCE) * expected:
-                break  # otherwise a converter may still forward what it has stored before
+                break  # otherwise a converter may still be forwarding stored samples
         seq = np.concatenate([np.empty(0, np.int64), *(part.seq for part in parts)])
         values: dict[str, Value] = {"expected": expected, "measured": measured}
         if not len(seq):
@@ -125,7 +125,7 @@ class ImuTest:
                 arrivals.append(clock.now())
             self.progress(0.5 + 0.5 * min(1.0, passed / _STREAM_TIME), note="listening")
         elapsed, counts = clock.now() - begin, [len(part) for part in parts]
-        if len(parts) > 2:  # samples may arrive in bursts: only whole ones count
+        if len(parts) > 2:  # samples may arrive in bursts: only complete bursts count
             return parts, elapsed, sum(counts[1:]) / (arrivals[-1] - arrivals[0])
         return parts, elapsed, sum(counts) / elapsed
 
@@ -193,7 +193,7 @@ def find_baud_rate(
 
 
 def diagnose_text(frame: FrameSection, received: bytes) -> Finding | None:
-    """Return the reason why received lines of text are not samples, or None, also if the bytes are not text."""
+    """Return the reason why received lines of text are not samples; None if they are, or if the bytes are not text."""
     tail = frame.tail_bytes
     ending = next((end for end in _LINE_ENDS if end in received), b"")
     if ending and ending != tail and (tail not in received or ending.endswith(tail)) and is_text(received):

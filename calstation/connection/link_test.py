@@ -97,7 +97,7 @@ def check_imu_link(progress: ProgressCallback, request: LinkTestRequest) -> Repo
 
 
 def check_chamber_link(progress: ProgressCallback, request: LinkTestRequest) -> Report:
-    """Test the link to the chamber, which is only queried. Raises CalstationError, also without a chamber."""
+    """Test the link to the chamber, which is only queried. Raises CalstationError, for example without a chamber."""
     setup = link_test_configuration(request)
     with open_endpoints(progress, setup) as at:
         progress(0.3, note="opening")

@@ -119,8 +119,7 @@ class LivePair:
         self._units, self._statuses, self._clock = units, statuses, clock
         context = session.context
         self._end = 0.0
-        #: Host time and station time of the last polls, s, because a virtual bench may be slower than its nominal
-        #: speed.
+        #: Host time and station time of the last polls, s: a virtual bench may be slower than its nominal speed.
         self._polls: deque[tuple[float, float]] = deque(maxlen=_POLLS)
         self._aligner = PairAligner(context.imu, [s.imu for s in context.secondaries])
         session.watch.unaligned = frozenset(s.number for s in context.secondaries)
@@ -182,7 +181,7 @@ class LivePair:
         )
         counts = np.where(usable[:, None], batch.counts, np.nan)
         host, station = np.transpose(self._polls)
-        # at full speed, the time of a bench advances only between two polls
+        # at full speed, the bench's time advances only between two polls
         arrival = np.interp(batch.arrival, host, station) if self._clock.speed else np.full(len(batch), station[-1])
         self._aligner.feed(number, batch.seq, counts, arrival, restarted=unit.restarted())
 

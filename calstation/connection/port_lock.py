@@ -42,7 +42,7 @@ class PortOwner:
     """A process that uses a port, according to its lock file.
 
     name : name of the process
-    parent : number of the process that started it, or None
+    parent : id of the process that started it, or None
     """
 
     file: Path
@@ -54,18 +54,18 @@ class PortOwner:
 
     @property
     def can_stop(self) -> bool:
-        """Whether the process executes a run that this user can stop safely; its lock file must be open in it."""
+        """Whether the process, which must have the lock file open, executes a run that this user can stop safely."""
         if sys.platform == "win32" or self.name != ENGINE:
             return False
         handles = Path(f"/proc/{self.pid}/fd")
         try:
             os.kill(self.pid, 0)
             return not handles.is_dir() or any(_is_same(handle, self.file) for handle in handles.iterdir())
-        except OSError:  # of another user
+        except OSError:  # the process belongs to another user
             return False
 
     def stop(self) -> bool:
-        """Request a safe stop of the run, and return whether the process still owned the port and was reached."""
+        """Request a safe stop of the run; return False if the process no longer owns the port or cannot be reached."""
         if _owner_of(self.file) != self or not self.can_stop:
             return False
         with suppress(OSError):
@@ -98,7 +98,7 @@ def find_station_owner(path: Path | None, done: Callable[[Path | None, PortOwner
 
 @contextmanager
 def lock_ports(ports: Iterable[str]) -> Iterator[None]:
-    """Lock ports, given by any of their names. Raises PortLockError, which names the process that uses a port."""
+    """Lock ports, which may have several names. Raises PortLockError, which names the process that uses a port."""
     devices = {device: port for port in ports for device in _devices(port)}
     with ExitStack() as stack:
         for device in sorted(devices):  # the fixed order prevents two processes from waiting for each other
@@ -166,7 +166,7 @@ def station_owner(station: StationConfig) -> PortOwner | None:
 
 def _owner_of(path: Path) -> PortOwner | None:
     """Return the owner in a lock file, or None if no process keeps the file locked."""
-    with suppress(OSError):  # it does not exist
+    with suppress(OSError):  # the file does not exist
         return _read_owner(path) if is_locked(path) else None
     return None
 

@@ -24,7 +24,7 @@ _POLL_INTERVAL = 0.1
 
 @dataclass(frozen=True)
 class TableState:
-    """The state of a table, with angles of None if they are not measured.
+    """The state of a table; the angles are None if they are not measured.
 
     The watchdog timeout `watchdog_s` is 0 if the watchdog is off, and None if there is no watchdog.
     """
@@ -45,9 +45,9 @@ class TableState:
 class TableReset:
     """The result of a reset.
 
-    outcome : ``nothing`` if no fault was latched and the table is at rest, ``still_moving`` if it moves without one;
-        ``cleared``; ``interlock_open``, ``moving`` or ``local_control`` if this prevented the reset; ``refused`` by the
-        table; ``stays`` if the fault persists because its cause persists
+    outcome : without a latched fault, ``nothing`` for a table at rest or ``still_moving``; ``cleared``;
+        ``interlock_open``, ``moving`` or ``local_control`` if this prevented the reset; ``refused`` by the table;
+        ``stays`` if the fault remains because its cause persists
     latched : latched fault before the reset, or None
     left : latched fault after the reset, or None
     words : message of the table if it refused the reset
@@ -60,7 +60,7 @@ class TableReset:
 
     @property
     def clear(self) -> bool:
-        """Whether no fault is latched any longer, and the table is at rest."""
+        """Whether no fault is latched any longer and the table is at rest."""
         return self.left is None and self.outcome != "still_moving"
 
 
@@ -102,8 +102,8 @@ def _identified(progress: ProgressCallback, request: LinkTestRequest) -> Iterato
 def reset(table: Table) -> TableReset:
     """Reset the latched fault of an open table if this is safe.
 
-    No reset is sent to a table whose model differs from the profile. No reset is sent to a moving table, because it
-    removes the power of the drives, or while the interlock is open, because a person may be inside the guard.
+    No reset is sent to a table whose model differs from the profile, to a moving table, because a reset removes the
+    power from the drives, or while the interlock is open, because a person may be inside the guard.
     """
     table.identify()
     before = table.status()

@@ -130,7 +130,7 @@ def _status_findings(status: TableStatus, profile: TableProfile) -> Iterator[Fin
 
 
 def _deviation_finding(table: RegisterTable | TextTable, profile: TableProfile, error: NoAnswerError) -> Finding | None:
-    """Return the finding on a unit that replies, but not as Modbus requires, or too late; None for neither."""
+    """Return the finding on a unit whose replies violate Modbus or are too late, or None."""
     if not isinstance(table, RegisterTable):
         return None
     values: dict[str, Value] = {"unit": error.unit, "timeout": profile.timeout_s}
