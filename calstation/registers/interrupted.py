@@ -37,9 +37,9 @@ class UnverifiedTransfer:
 
 
 def open_transfer(folder: Path, serial: str) -> Transfer | None:
-    """Return the transfer to a unit that has written registers and has not ended, according to its journal, or None.
+    """Return the transfer to a unit that has written registers but has not ended, according to the journal, or None.
 
-    `folder` is that of `journal_folder`. Raises ConfigurationError if the journal is damaged.
+    `folder` is returned by `journal_folder`. Raises ConfigurationError if the journal is damaged.
     """
     entry = journal.interrupted(folder, serial)
     return entry if entry is not None and entry.steps else None
@@ -48,7 +48,7 @@ def open_transfer(folder: Path, serial: str) -> Transfer | None:
 def registers_changed(folder: Path, serial: str, since: str) -> bool:
     """Return whether a transfer that began since a time has written registers to a unit, according to its journal.
 
-    A transfer after which the unit still had its old registers does not count; one that is open does. Raises
+    A transfer after which the unit still had its old registers does not count, but an open transfer does. Raises
     ConfigurationError if the journal is damaged.
 
     Parameters
@@ -79,16 +79,16 @@ def recover_interrupted(
     identity = imu.identify()
     check_unit_model(entry, identity.model)
     registers = setup.register_map
-    holds = read_flash_content(imu, entry, registers)
-    values = {"serial": entry.serial, "holds": holds, "utc": entry.utc, "by": entry.by, "why": entry.why}
-    if holds is FlashContent.OLD:
+    content = read_flash_content(imu, entry, registers)
+    values = {"serial": entry.serial, "holds": content, "utc": entry.utc, "by": entry.by, "why": entry.why}
+    if content is FlashContent.OLD:
         entry.close(TransferOutcome.KEPT)
         imu.start()
         emit(Message("transfer_kept", values))
         return None
     if request.unfinished is None:
         emit(Message("transfer_open", {**values, "offers": list(DECISIONS)}))
-        raise undecided(entry, holds)
+        raise undecided(entry, content)
 
     def report() -> None:
         emit(Message("transfer_settled", {**values, "closing": str(entry.closing)}))
@@ -104,7 +104,7 @@ def recover_interrupted(
         report()
     else:
         table.identify()
-        check_power(table.status())  # write nothing that could not be verified on the table
+        check_power(table.status())  # nothing is written that could not be verified on the table
         unverified = UnverifiedTransfer(setup, imu, finish(imu, registers, entry), report)
     imu.start()
     return unverified

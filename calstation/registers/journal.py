@@ -37,7 +37,7 @@ _IGNORED_KEYS = {"tolerance", "range"}
 
 @dataclass(frozen=True)
 class UnitType:
-    """Model reported by a unit, and the profile and product with which it was written; "" if unknown.
+    """Model reported by a unit, and the profile and product with which its registers were written; "" if unknown.
 
     map : digest of the profile's register entries that define the meaning of the content
     """
@@ -50,7 +50,7 @@ class UnitType:
 
 @dataclass(frozen=True)
 class Purpose:
-    """Requester, reason (run, hand or restore) and source of a transfer, which is the log or the set of values."""
+    """Requester, reason ("run", "hand" or "restore") and source of a transfer, such as the log of the run."""
 
     by: str | None
     why: str
@@ -128,10 +128,10 @@ class Transfer:
         _append(self.path, {"event": "step", "id": self.id, "utc": _now(), "step": step})
         self.steps.append(str(step))
 
-    def close(self, closing: TransferOutcome) -> None:
+    def close(self, outcome: TransferOutcome) -> None:
         """Record how the transfer ended. Raises ConfigurationError if it cannot be written."""
-        _append(self.path, {"event": "closed", "id": self.id, "utc": _now(), "closing": closing})
-        self.closing = str(closing)
+        _append(self.path, {"event": "closed", "id": self.id, "utc": _now(), "closing": outcome})
+        self.closing = str(outcome)
 
     @property
     def written(self) -> bool:
@@ -150,7 +150,7 @@ def journal_folder(station: StationConfig, runs: Path) -> Path:
 
 
 def begin(folder: Path, serial: str, old: Mapping[str, float], new: Mapping[str, float], purpose: Purpose) -> Transfer:
-    """Record an intended transfer in the journal of a unit and return it; the record is then on disk.
+    """Record an intended transfer in the journal of a unit, and return it once the record is on disk.
 
     Raises ConfigurationError if the journal is damaged or cannot be written.
 
@@ -188,7 +188,7 @@ def history(folder: Path, serial: str) -> list[Transfer]:
 
 
 def in_unit(transfers: Sequence[Transfer]) -> Transfer | None:
-    """Return the latest transfer whose new values are in the unit or may be; None if it was reverted or never began."""
+    """Return the latest transfer whose new values are, or may be, in the unit; None if there is none."""
     return next(
         (each for each in reversed(transfers) if each.steps and each.closing in (None, TransferOutcome.DONE)), None
     )

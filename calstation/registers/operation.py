@@ -235,10 +235,10 @@ class _ActiveOperation:
             transferred.registers_read, TransferOutcome.RESTORED if self.restoring else TransferOutcome.DONE, proof
         )
 
-    def _settled(self, values: Mapping[str, float], closing: TransferOutcome, proof: str) -> Settled:
+    def _settled(self, values: Mapping[str, float], outcome: TransferOutcome, proof: str) -> Settled:
         request = self.operation.request
         unit = unit_registers(self.setup, self.identity, values, request.out)
-        return Settled(request.serial, str(closing), proof, unit.to_json())
+        return Settled(request.serial, str(outcome), proof, unit.to_json())
 
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Transfer:
         request, why = self.operation.request, "hand" if self.operation.what == "write" else "restore"
@@ -263,7 +263,7 @@ def _run_at_rest(active: _ActiveOperation, check_cancelled: CheckCancelled) -> S
 
 
 def _run_with_turns(active: _ActiveOperation, control: Control, check_cancelled: CheckCancelled) -> Settled | None:
-    """Prepare the table, write, turn the unit, move to the load position; return None after an emitted fault."""
+    """Prepare the table, write, turn the unit, move to the load position; return None if a fault was emitted."""
     settled: Settled | None = None
     with ExitStack() as stack:
         with _suggest_at_rest():
@@ -303,7 +303,7 @@ def _run_with_turns(active: _ActiveOperation, control: Control, check_cancelled:
 
 
 def _context(active: _ActiveOperation, devices: Devices, control: Control) -> RunContext:
-    """Return a run without stages, log and solvers; the output is not checked before the registers are written."""
+    """Return the context of a run without stages, log and solvers, whose preflight does not check corrected output."""
     setup = active.setup
     unit = unit_task(setup)
     preflight = replace(unit.preflight, warm_up=0.0, warm_up_slope=None, output=not setup.after_registers)
@@ -327,7 +327,7 @@ def _find_earlier(folder: Path, serial: str, ident: str | None, *, hardware: boo
 
 @contextmanager
 def _suggest_at_rest() -> Iterator[None]:
-    """Add to errors of the table the remedy that the operation is also possible at rest."""
+    """Add to errors of the table that the operation is also possible at rest."""
     try:
         yield
     except CalstationError as error:

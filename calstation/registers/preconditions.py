@@ -78,12 +78,12 @@ def check_no_interrupted(imu: Imu, setup: RunConfiguration, runs: Path) -> None:
     entry = journal.interrupted(journal_folder(setup.station, runs), setup.request.serial)
     if entry is not None:
         check_unit_model(entry, imu.identify().model)
-        holds = read_flash_content(imu, entry, setup.register_map)
-        if holds is not FlashContent.OLD:
-            raise undecided(entry, holds)
+        content = read_flash_content(imu, entry, setup.register_map)
+        if content is not FlashContent.OLD:
+            raise undecided(entry, content)
         entry.close(TransferOutcome.KEPT)
 
 
-def undecided(entry: Transfer, holds: FlashContent) -> DeviceFaultError:
+def undecided(entry: Transfer, content: FlashContent) -> DeviceFaultError:
     """Return the fault of a unit whose interrupted transfer awaits a decision."""
-    return DeviceFaultError("transfer.interrupted", serial=entry.serial, utc=entry.utc, holds=str(holds))
+    return DeviceFaultError("transfer.interrupted", serial=entry.serial, utc=entry.utc, holds=str(content))

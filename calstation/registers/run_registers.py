@@ -1,4 +1,4 @@
-"""Registers that a run wrote, and the latest ones in a unit, according to its journal."""
+"""Registers that a run wrote, and the latest registers of a unit, according to its journal."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ class RunRegisters:
     """Registers that a run wrote to its unit.
 
     transfer : transfer of the run; None if the journal does not contain it
-    later : latest transfer after it that wrote other values; None if there is none
+    later : latest transfer to the unit since then if it wrote other values; None otherwise
     """
 
     registers: Registers
@@ -36,7 +36,7 @@ class RunRegisters:
 
     @property
     def texts(self) -> list[Text]:
-        """Parts of a sentence that state when the registers were written, their verification and later writes."""
+        """Parts of a sentence about the time of writing, the verification and a later replacement of the registers."""
         return list(self._texts())
 
     def _texts(self) -> Iterator[Text]:

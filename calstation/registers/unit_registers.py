@@ -20,7 +20,7 @@ from calstation.results import Registers, Result
 
 @dataclass(frozen=True)
 class Register:
-    """One register of the unit's map: address, parameter, value (SI) and the stored content in hexadecimal."""
+    """One register of the unit's map: address, parameter, value (SI) and stored content in hexadecimal."""
 
     address: int
     parameter: str
@@ -80,8 +80,8 @@ def read_unit(progress: ProgressCallback, request: RunRequest, runs: Path) -> Un
 def target_registers(progress: ProgressCallback, request: RunRequest, result: Result) -> TargetRegisters:
     """Return the registers that a result requires, with the encoding of its product's profile.
 
-    If the run wrote registers, those that it changed are returned. If the unit applied registers to its output, the
-    result is combined with the registers in the log.
+    If the run wrote registers, the written values are returned. If the unit applied registers to its output, the result
+    is combined with the registers in the log.
 
     Raises InputError if a required log is missing, if IMU profile or product differ from those of the result, if the
     result was not tested or contains states added for a trial, if it was simulated and the station has hardware, or if

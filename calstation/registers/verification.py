@@ -51,7 +51,7 @@ SIGMA_LIMIT = 6.0
 #: Maximum drift of a gimbal in standard deviations; noise exceeds it with a probability of 3e-4 per axis.
 DRIFT_SIGMA_LIMIT = 4.0
 
-#: Maximum drift of a bias since its estimation, in bias instabilities.
+#: Maximum drift of a bias since it was estimated, in bias instabilities.
 DRIFT_LIMIT = 3.0
 
 #: Maximum change of a gyro's scale factor from the rate of its calibration to the rate of the turns.
@@ -242,7 +242,7 @@ def _check_drift(
     context: SolveContext,
     joints: Mapping[str, Mapping[str, float]] | None,
 ) -> VerificationCheck:
-    """Compare the drift of a gimbal's other joints in a turn with the drift expected from `joints`, or else with 0.
+    """Compare the drift of a gimbal's other joints in a turn with the drift expected from `joints`, or 0 if it is None.
 
     The mounting of the unit affects the registers and their covariance, but not the drift.
     """
@@ -357,7 +357,7 @@ def _check_turn(
 def _check_carried_turn(
     angles: FloatArray, force: FloatArray, covariance: FloatArray, context: SolveContext
 ) -> VerificationCheck:
-    """Check, without encoders, the angle, rad, between gravity at the second rest and that propagated by the gyros.
+    """Check, without encoders, the angle between gravity at the second rest and gravity propagated by the gyros, rad.
 
     `angles` are the rotations in every sample between the rests, rad; `force` is the mean at both rests, m/s².
     """
@@ -430,7 +430,7 @@ def _net_turn(turned: TurnData, angle: FloatArray, rests: FloatArray) -> FloatAr
 def _force_scatter(force: FloatArray, seconds: float, context: SolveContext, repeatability: float) -> FloatArray:
     """Return the covariance of a force difference without bias drift, (m/s²)², shape (3, 3).
 
-    Table tilt acts only perpendicular to the force.
+    Position errors of the table act only perpendicular to the force.
     """
     magnitude = float(np.linalg.norm(force))
     up = force / magnitude
@@ -439,7 +439,7 @@ def _force_scatter(force: FloatArray, seconds: float, context: SolveContext, rep
 
 
 def _turn_scatter(turn: FloatArray, seconds: tuple[float, float], imu: ImuModel, repeatability: float) -> FloatArray:
-    """Return the covariance of a turn difference, rad², shape (3, 3), from errors of its own and the other joint."""
+    """Return the covariance of a turn difference, rad², shape (3, 3), due to noise and errors of both joints."""
     duration, rest = seconds
     angle = float(np.linalg.norm(turn))
     along = np.outer(turn, turn) / angle**2
@@ -468,7 +468,7 @@ def _force_noise(context: SolveContext, seconds: float) -> float:
     """Return the sigma of one accelerometer axis in `mean_at_rest`, m/s².
 
     It combines the sensor noise, as for the gyro, with the vibration of the base, which is the sigma σ √12 / (T √n) of
-    the slope of a line through velocities with the sigma σ of the table's profile.
+    the slope of a line fitted to n velocities over T; the table's profile specifies their sigma σ.
     """
     imu, table = context.imu, context.table
     count = seconds / table.velocity_interval
