@@ -53,7 +53,7 @@ def deferred_signals() -> Iterator[None]:
 
 @contextmanager
 def _deferred(numbers: Iterable[signal.Signals], handler: Callable[[int], Any]) -> Iterator[None]:
-    """Replace the handlers of signals in the block, except of those that are ignored or handled outside Python."""
+    """Replace the handlers of signals in the block, except signals that are ignored or handled outside Python."""
     unchanged = (signal.SIG_IGN, None)
     before = {number: signal.getsignal(number) for number in numbers}
     replaced = {number: previous for number, previous in before.items() if previous not in unchanged}
@@ -87,7 +87,7 @@ def _hide_main_module() -> Iterator[None]:
 
 
 class PipeReader:
-    """Reads whole messages from a pipe in a thread, and closes the pipe; the owner may write to it.
+    """Reads complete messages from a pipe in a thread, and closes the pipe; the owner may write to the pipe.
 
     If a process freezes while sending a message larger than the pipe's buffer, only this thread blocks.
     """
@@ -147,8 +147,8 @@ class ChildProcess(PipeReader):
 
     `target`, a function at the top level of a module, is called in the process with its end of the pipe and `args`. The
     process ignores Ctrl-C, because its owner sends a stop command instead, and receives no other stop signal before
-    `target` calls `receive_stop_signals`. It does not import the caller's main module,
-    as multiprocessing normally does: a plain script that opens the window must not open it twice.
+    `target` calls `receive_stop_signals`. Unlike usual with multiprocessing, it does not import the caller's main
+    module, because a plain script that opens the window must not open it twice.
     """
 
     def __init__(self, name: str, target: Callable[..., None], *args: Any, daemon: bool = False) -> None:

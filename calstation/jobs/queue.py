@@ -32,7 +32,7 @@ _DEVICE_JOB_TIMEOUT = 10.0
 #: Time allowed for a killed process to exit, host time, s.
 _EXIT_TIMEOUT = 2.0
 
-#: Smallest fraction done at which the remaining time is estimated if the job does not report it.
+#: Smallest fraction done from which the remaining time is estimated if the job does not report it.
 _ESTIMATE_FROM = 0.05
 
 logger = logging.getLogger(__name__)
@@ -69,7 +69,7 @@ class Job:
     def remaining(self) -> float | None:
         """Remaining time, s, as reported, or else estimated from the fraction done.
 
-        It is None if it is unknown, also once it has elapsed without another report, as in a step that takes longer.
+        None if it is unknown, for example because the last estimate has elapsed without another report.
         """
         if self.state != "running":
             return None
