@@ -20,8 +20,8 @@ CLOCK_WINDOW = 200
 #: s. The true interval is unknown if the unit lost power.
 RESUME_GAP = 1.0
 
-#: A channel is stuck if its noise is at least this many output steps but its value is constant over this many samples.
-#: The probability that this occurs by chance is 1e-28.
+#: A channel is stuck if its noise is at least `_MIN_NOISE` output steps but its value is constant over `_STUCK_AFTER`
+#: samples. The probability that this occurs by chance is 1e-28.
 _MIN_NOISE, _STUCK_AFTER = 0.35, 400
 
 #: Delay of samples, as a fraction of the wrap period of the counter, that indicates an undetected wrap; the transport
@@ -34,7 +34,7 @@ MAX_POLL_DURATION = 0.3
 
 @dataclass(frozen=True)
 class DrainResult:
-    """The number of samples read, the number of samples missing before or among them, and their combined status.
+    """The numbers of samples read and of samples missing before or among them, and the combined status of the samples.
 
     `invalid` is True if any output is not a number. `stuck` is the name of a channel that has been constant for too
     long, or "".
@@ -218,7 +218,7 @@ class Acquisition:
 
     @property
     def recent(self) -> tuple[tuple[float, ...], float | None] | None:
-        """Mean output (rad/s, m/s²; NaN if not numeric) and temperature (°C) of the last samples; None before them."""
+        """Mean output (rad/s, m/s²; NaN if not numeric) and temperature (°C) of the last samples; None without any."""
         if self._latest is None:
             return None
         counts = self._latest.counts[np.isfinite(self._latest.counts).all(axis=1)]
@@ -285,7 +285,7 @@ class Acquisition:
 
 
 def _without_impossible(batch: SampleBatch) -> SampleBatch:
-    """Replace values that no log may contain, such as infinity, by NaN."""
+    """Replace values that a log must not contain, such as infinity, by NaN."""
     counts, temperature = (
         np.where(np.abs(values) <= LARGEST_VALUE, values, np.nan) for values in (batch.counts, batch.temperature)
     )

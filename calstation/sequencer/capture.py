@@ -134,7 +134,7 @@ def _capture_complete(
     measure: Callable[[Unit, list[SampleBlock]], _Value],
     before_repeat: Callable[[], None] = lambda: None,
 ) -> dict[Unit, _Value]:
-    """Repeat a recording until every unit has complete samples; a unit that never has them leaves the run."""
+    """Repeat a recording until every unit has complete samples; a unit without them after 3 attempts leaves the run."""
     measured: dict[Unit, _Value] = {}
     streams = runner.streams
 

@@ -17,23 +17,23 @@ from calstation.sequencer.guard import attempt
 #: Station time between two polls of the chamber, s.
 POLL_INTERVAL = 2.0
 
-#: Host time for which `ChamberControl.update` waits for an answer before the control loop continues without it, s.
+#: Host time for which `ChamberControl.update` waits for a reply before the control loop continues without it, s.
 _PATIENCE = 0.25
 
 #: Largest temperature of metal that may be touched for minutes, °C (ISO 13732-1: 48 °C for 10 min, 43 °C for 8 h).
 TOUCHABLE_C = 43.0
 
-#: Smallest step of the set point on a ramp, K, because some controllers store each one in a memory that wears out.
+#: Smallest step of the set point on a ramp, K, because some controllers store every set point in memory that wears out.
 _LEAST_STEP = 0.1
 
-#: Largest excess of the air beyond the range of a device, K.
+#: Largest accepted overshoot of the air temperature beyond the range of a device, K.
 _OVERSHOOT = 5.0
 
 #: Change of the air temperature that shows that the chamber follows its set point, K.
 _PROGRESS = 0.5
 
-#: Measured rate of the air that no chamber reaches, relative to the largest rate in the profile, and time of
-#: measurement, s.
+#: Rate of the air temperature that is not plausible, relative to the largest rate in the profile, and period over which
+#: it is measured, s.
 _RATE_FACTOR, _RATE_TIME = 3.0, 30.0
 
 #: Station time between two messages while the chamber returns to ambient, s.
@@ -42,13 +42,13 @@ _REPORT_INTERVAL = 60.0
 #: Station time at ambient after which a unit whose temperature is unknown or no longer changes may be touched, s.
 _BLIND_SOAK = 1800.0
 
-#: Largest change of the temperature of a unit in this time that is negligible, K.
+#: Largest negligible change of the temperature of a unit in this time, K.
 _SETTLED = 1.0
 
 #: Number of polls in a row that the chamber may leave unanswered on its way to ambient.
 _MAX_UNANSWERED = 20
 
-#: Station time in which the chamber must return to ambient before it is reported as a failure, s.
+#: Station time within which the chamber must return to ambient; otherwise, a failure is reported, s.
 _RETURN_TIME = 4.0 * 3600.0
 
 
@@ -68,8 +68,8 @@ class ChamberLimits:
     ranges : lowest and highest temperature of "chamber", "table" and "unit"
     max_rate : largest rate of change of the set point, K/s
     ambient, dew_point : temperature and dew point of the room
-    tolerance : largest difference of the air from the target of a chamber that has arrived
-    agreement : largest difference of a unit from the air after a soak
+    tolerance : largest difference between air and set point at which the chamber has arrived
+    agreement : largest difference between a unit and the air after a soak
     follow_time : time within which the air must approach the set point
     """
 
@@ -118,8 +118,8 @@ class _Poll:
 class ChamberControl:
     """Controls the temperature of a chamber, and checks it at every poll.
 
-    A thread of its own exchanges data with the chamber, so that a slow answer delays neither the watchdog of the table
-    nor a stop.
+    A separate thread communicates with the chamber, so that a slow reply delays neither the watchdog of the table nor a
+    stop.
 
     `begin` starts the chamber; then `hold` or `ramp` sets a target and `update` is called at every tick. `safe` sends
     the chamber to ambient, where it stays until `wait_until_safe` has switched it off. `target` is the last target,
@@ -134,7 +134,7 @@ class ChamberControl:
         self.target = math.nan
         self.soak: Callable[[], SoakProgress] | None = None
         self._chamber, self._clock, self._emit = chamber, clock, emit
-        self._set_point = self._expected = math.nan  #: Set points sent last, and at the last poll, °C.
+        self._set_point = self._expected = math.nan  #: Last set point sent, and set point at the last poll, °C.
         self._rate = limits.max_rate
         self._led_at = self._polled_at = -math.inf
         #: Times, s, temperatures of the air, °C, and its distances from the set point, K, since the last target.
@@ -146,22 +146,22 @@ class ChamberControl:
 
     @property
     def arrived(self) -> bool:
-        """Whether the set point has reached the target, and the air the set point."""
+        """Whether the set point has reached the target, and the air has reached the set point."""
         return self._set_point == self.target and self._distance <= self.limits.tolerance
 
     @property
     def remaining(self) -> float:
-        """Estimated time until the target is reached, s, without settling."""
+        """Estimated time until the air reaches the target, s, without settling."""
         gap = self._distance if self._set_point == self.target else abs(self.target - self._set_point)
         return 0.0 if self.arrived else gap / self._rate
 
     @property
     def may_open(self) -> bool:
-        """Whether the operator may open the chamber, by the last poll."""
+        """Whether the operator may open the chamber, according to the last poll."""
         return self.limits.may_open(self.status, self._units)
 
     def begin(self) -> None:
-        """Poll the chamber, then start it at the temperature of its air, or at the nearest that all devices allow."""
+        """Poll the chamber, then start it at its air temperature, or the nearest temperature that all devices allow."""
         self.status = self._chamber.status()
         self._check_state()
         low, high = self.limits.range
@@ -184,7 +184,7 @@ class ChamberControl:
     def update(self, units: Mapping[str, float]) -> None:
         """Move the set point and poll the chamber when due; `units` are the units' temperatures by slot, °C.
 
-        An answer that is late is checked at the next call after its arrival.
+        A late reply is checked at the next call after its arrival.
         """
         if self._pending is None:
             if self._clock.now() - self._polled_at < POLL_INTERVAL:
@@ -209,7 +209,7 @@ class ChamberControl:
     def safe(self) -> list[Text]:
         """Send the chamber to ambient at once and leave it on; return any failures instead of raising them.
 
-        The set point changes in one step, and nothing is refused: neither an alarm nor an open door.
+        The set point changes in one step, even if there is an alarm or the door is open.
         """
         if not self._has_begun:
             return []
@@ -224,7 +224,7 @@ class ChamberControl:
     def wait_until_safe(self, units: Callable[[], Mapping[str, float]], tick: Callable[[], None]) -> list[Text]:
         """Wait until the chamber may be opened, with a message every minute, then switch it off; return any failures.
 
-        It first sends the chamber to ambient unless `safe` has. A second call does nothing.
+        It first sends the chamber to ambient unless `safe` has done so. A second call does nothing.
 
         Parameters
         ----------
@@ -250,7 +250,7 @@ class ChamberControl:
             now = self._clock.now()
             is_due = now - max(self._polled_at, requested_at) >= POLL_INTERVAL
             requested_at = now if is_due else requested_at
-            if is_due and (unanswered := self._ask_again(units(), unanswered)) == 0:
+            if is_due and (unanswered := self._poll_again(units(), unanswered)) == 0:
                 if self._distance > self.limits.tolerance + _OVERSHOOT:
                     arrived_at = math.inf
                 elif arrived_at == math.inf:
@@ -258,7 +258,7 @@ class ChamberControl:
                 for slot, t in self._units.items():
                     if slot not in settled or abs(t - settled[slot][1]) > _SETTLED:
                         settled[slot] = now, t
-                if now >= arrived_at + _BLIND_SOAK:  # a sensor that is stuck or in a warm unit shows nothing
+                if now >= arrived_at + _BLIND_SOAK:  # a stuck sensor, or one in a self-heated unit, no longer changes
                     self._units = {s: t for s, t in self._units.items() if now < settled[s][0] + _BLIND_SOAK}
                 if now >= arrived_at + (0.0 if self._units else _BLIND_SOAK) and self.may_open:
                     break
@@ -271,7 +271,7 @@ class ChamberControl:
         self._chamber.stop()
         self._emit(Message("chamber_may_be_opened", self._temperatures()))
 
-    def _ask_again(self, units: Mapping[str, float], unanswered: int) -> int:
+    def _poll_again(self, units: Mapping[str, float], unanswered: int) -> int:
         """Poll the chamber and return the new number of unanswered polls. Raises DeviceFaultError after too many."""
         try:
             self._end_poll(self._begin_poll(), units)
@@ -297,7 +297,7 @@ class ChamberControl:
         self._set_point = temperature
 
     def _begin_poll(self) -> _Poll:
-        """Ask for the state, and move the set point along the ramp."""
+        """Request the state, and move the set point along the ramp."""
         now = self._clock.now()
         step, gap = self._rate * (now - self._led_at), self.target - self._set_point
         point = None
@@ -315,7 +315,7 @@ class ChamberControl:
         return _Poll(now, point, self._link.submit(exchange))
 
     def _end_poll(self, poll: _Poll, units: Mapping[str, float]) -> None:
-        """Wait for the answer, and show the state. Raises DeviceFaultError."""
+        """Wait for the reply, and emit the state. Raises DeviceFaultError."""
         self.status, self._expected = poll.status.result(), self._set_point
         if poll.set_point is not None:
             self._set_point, self._led_at = poll.set_point, max(self._led_at, poll.time)

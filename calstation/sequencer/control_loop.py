@@ -196,7 +196,7 @@ class ControlLoop:
             self._on_show()
 
     def show_stopped(self) -> None:
-        """Emit the state of the table after a stop, which was still moving before. Raises DeviceFaultError."""
+        """Emit the state of the stopped table, which may have been moving at the last poll. Raises DeviceFaultError."""
         self.status = self.context.table.status()
         self._show_table()
 

@@ -67,7 +67,7 @@ class RunDriver:
         """Run `work`, leave the table at rest with its axes off, and change to the state that `work` returns.
 
         After a CalstationError, the state is a fault and the error is returned. Any other exception is a programming
-        error, which is raised after the table has been stopped. In every case, the chamber has returned to ambient.
+        error, which is raised after the table has been stopped. In every case, the chamber first returns to ambient.
         """
         try:
             return self._run(work)
@@ -104,7 +104,7 @@ class RunDriver:
         previous, state = self.state, transition(self.state, state)
         logger.info("state %s -> %s", previous, state)
         self._context.emit(StateChanged(state, previous))
-        self.state = state  # only now, because a fault of the log must be possible in the previous state
+        self.state = state  # set last, so that an error of the log occurs in the previous state
 
     def begin(self) -> None:
         """Poll the table for the first time without motion. Raises DeviceFaultError if it does not respond."""
@@ -213,7 +213,7 @@ class RunDriver:
                 first = (path.reference if is_reference else path.legs)[0].move
                 self.runner.drive(replace(first, outer=path.start[0], inner=path.start[1]))
             if not has_arrived:
-                # The polled angle differs from the commanded one, and such a short move may end before the next poll.
+                # The polled angle differs from the commanded angle, and so short a move may end before the next poll.
                 self.control_loop.wait_for_samples(_SETTLE_TIME)
                 self.units.each(lambda unit: self._streams[unit].broken and self._streams[unit].restore(), units)
             try:
@@ -290,7 +290,7 @@ class RunDriver:
         for unit in self.units:
             try:
                 unit.acquisition.drain()
-            except CalstationError as error:  # the error is one of the unit, or of the log, which is flushed
+            except CalstationError as error:  # an error of the unit or of the log
                 failures.append(reason_of(error))
         self._report_failures(failures)
 
@@ -304,7 +304,7 @@ class RunDriver:
         def tick() -> None:
             self._context.clock.sleep(self._context.clock.tick)
             self._context.control.take()
-            for unit in self.units.loaded:  # also those whose results are complete, which are as hot or cold
+            for unit in self.units.loaded:  # also units with complete results, which are equally hot or cold
                 with suppress(Exception):  # a unit that cannot be read has no temperature
                     unit.drain()
 

@@ -92,7 +92,7 @@ class StageEnded(Event):
 class PointCompleted(Event):
     """Temperature number `index` (from 1) of a stage, °C, and the moves up to `step` are complete.
 
-    A run that is interrupted later can be resumed after them.
+    A run that is interrupted later can be resumed after this temperature.
     """
 
     stage: str

@@ -97,7 +97,7 @@ def safe_stop(table: Table, clock: Clock) -> list[Text]:
     """Bring the table to rest and switch its axes off; return any failures instead of raising them.
 
     A table that no longer responds is stopped by its watchdog, which was on when the axes were enabled. A table without
-    a watchdog receives only moves to fixed angles, so that its axes are switched off after `_UNRESPONSIVE_WAIT`.
+    a watchdog receives only moves to fixed angles; its axes are switched off after `_UNRESPONSIVE_WAIT`.
     """
     failures: list[Text] = []
     attempt(table.stop, failures)

@@ -31,13 +31,13 @@ _TIME_TOLERANCE = 1e-6
 #: Default settling time after a move if the table's profile does not specify one, s.
 SETTLE_TIME = 1.5
 
-#: Time until a unit is usually steady at the next temperature, s; the progress of each soak corrects it.
+#: Time until a unit is usually steady at the next temperature, s; the progress of each soak corrects this estimate.
 _USUAL_SOAK = 2400.0
 
 
 @dataclass(frozen=True)
 class StopRule:
-    """The conditions of which any one ends a repeated plan, checked at the end of each round.
+    """Conditions that are checked at the end of each round of a repeated plan; any of them ends the plan.
 
     They are a number of rounds, an IMU time, s, and the largest sigma by parameter or group, SI; each can be None or
     empty. The operator can end a repeated plan after any move.
@@ -100,7 +100,7 @@ class StagePlan:
 class StageTracker:
     """Progress of a stage, or of a round of an open-ended stage, whose planned `duration` is in s.
 
-    If the targets are not reached within it, the stage takes up to `longest` s.
+    If the targets are not reached within this duration, the stage takes up to `longest` s.
     """
 
     def __init__(self, stage: str, duration: float, longest: float = 0.0) -> None:
@@ -115,7 +115,7 @@ class StageTracker:
     def end(self, sigma: Mapping[str, FloatArray]) -> None:
         """End the step; `sigma` contains the standard deviations reached in every slot, shape (30,), SI.
 
-        Infinite ones, which are unknown, are not shown.
+        Infinite standard deviations, which are unknown, are not shown.
         """
         self._done += self._step
         self._step = 0.0
@@ -123,14 +123,14 @@ class StageTracker:
         self._sigma = {slot: {g: s for g, s in groups.items() if np.isfinite(s)} for slot, groups in largest.items()}
 
     def revise(self, now: float, remaining: float) -> None:
-        """Set the time left of the current step, s, at station time `now`."""
+        """Set the remaining time of the current step, s, at station time `now`."""
         change = now - self._step_begin + remaining - self._step
         self._step += change
         self._duration += change
         self._longest += change
 
     def next_round(self) -> None:
-        """Continue after a round; after the planned duration, the rounds up to the longest duration follow."""
+        """Continue after a round; once the planned duration has passed, plan up to the longest duration."""
         if self._done > self._duration - _TIME_TOLERANCE:
             self._duration = max(self._duration, self._longest)
 
@@ -169,7 +169,7 @@ def planned(
     """Yield the steps that a run will execute, and the duration of each step, s.
 
     A repeated plan ends after its rounds or its duration. If only the targets or the operator can end it, one round is
-    returned.
+    yielded.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ def plan_time(steps: Iterable[Step], rule: StopRule, start: tuple[float, float],
 
 
 def stage_times(stages: Iterable[StagePlan], settle: float = SETTLE_TIME) -> list[float]:
-    """Return the duration of each stage of a run, s; each starts at the angles at which the one before it ends.
+    """Return the duration of each stage of a run, s; each stage starts at the final angles of the previous one.
 
     Parameters
     ----------

@@ -84,7 +84,7 @@ class Preflight:
     def _wait_until_ready(self) -> None:
         self._context.emit(Message("waiting_ready"))
         timeout = self._limits.ready_timeout
-        # Whether the self-test failed, by unit that has been ready; units may become ready in different ticks.
+        # For each unit that has been ready, whether its self-test failed; units may become ready in different ticks.
         failed: dict[Unit, bool] = {}
 
         def was_ready(unit: Unit) -> bool:
@@ -179,11 +179,11 @@ class _WarmUp:
         self._track = TemperatureTrack(unit, _SLOPE_PERIOD)
 
     def done(self, now: float) -> bool:
-        """Record the temperature, and return whether the unit is warm; called at every tick until it is."""
+        """Record the temperature, and return whether the unit is warm; called at every tick until then."""
         if self._limits.warm_up_slope is None:
             return now >= self.end
         self._track.add(now)
-        is_long = self._track.remaining(now) <= _SLOPE_PERIOD - _MIN_SLOPE_TIME  # lost samples may have ended the track
+        is_long = self._track.remaining(now) <= _SLOPE_PERIOD - _MIN_SLOPE_TIME  # lost samples restart the track
         return now >= self.end and is_long and abs(self._track.slope) <= self._limits.warm_up_slope
 
     def timeout_error(self, now: float) -> DeviceFaultError | None:

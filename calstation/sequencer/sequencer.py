@@ -127,7 +127,7 @@ class Sequencer:
             raise
 
     def _soak_for_verification(self) -> None:
-        """Go to another temperature than the last one of a stage, at which the new registers are verified."""
+        """Soak at a temperature that differs from the last one of the stage, for the verification of the registers."""
         limits = self._context.task.chamber
         if limits is None:  # the plans of other stages may be endless
             return
@@ -207,14 +207,14 @@ class Sequencer:
         self._sync(unit)
 
     def _complete_point(self, event: PointCompleted) -> None:
-        """Log that a temperature need not be repeated."""
+        """Log that a temperature is complete and need not be repeated."""
         self._context.emit(event)
         for unit in self._units:
             unit.points = event.index
         self._units.each(self._sync)
 
     def _sync(self, unit: Unit) -> None:
-        """Write the log of a unit to disk, after which what it contains need not be repeated."""
+        """Write the log of a unit to disk, so that its content need not be repeated after an interruption."""
         log = cast("RawLogWriter", unit.slot.log)
         self._wait_for(log.begin_sync())
         log.service()

@@ -1,4 +1,4 @@
-"""Soaks and ramps: the chamber is at its temperature, and every unit waits until its own temperature is steady."""
+"""Soaks and ramps of the chamber; a soak ends when the temperature of every unit is steady."""
 
 import logging
 import math
@@ -17,12 +17,12 @@ from calstation.sequencer.units import StepInvalid, Unit
 #: Smallest number of temperatures from which their slope is computed.
 _MIN_COUNT = 10
 
-#: Largest number of temperatures in a track; several readings are averaged to one.
+#: Largest number of temperatures in a track; each is the mean of several readings.
 _MAX_COUNT = 200
 
-#: Smallest difference of the temperature at which registers are verified from the last one of a stage, K, and the
-#: difference of one that is no set point of the stage, with which terms of higher order matter.
-_LEAST_OTHER, _OTHER = 10.0, 20.0
+#: Smallest difference between the temperature at which registers are verified and the last one of a stage, K, and
+#: difference of a candidate that is not a set point of the stage, at which higher-order terms matter, K.
+_MIN_DIFFERENCE, _INTERMEDIATE_DIFFERENCE = 10.0, 20.0
 
 logger = logging.getLogger(__name__)
 
@@ -37,8 +37,10 @@ def verification_temperature(visited: Sequence[float], ambient: float) -> float:
     visited : set points of a stage, °C, in order
     ambient : temperature to which the chamber returns, °C
     """
-    between = (t for t in (visited[-1] - _OTHER, visited[-1] + _OTHER) if min(visited) < t < max(visited))
-    others = [t for t in (ambient, *visited, *between) if abs(t - visited[-1]) >= _LEAST_OTHER]
+    last = visited[-1]
+    between = (last + d for d in (-_INTERMEDIATE_DIFFERENCE, _INTERMEDIATE_DIFFERENCE))
+    candidates = (ambient, *visited, *(t for t in between if min(visited) < t < max(visited)))
+    others = [t for t in candidates if abs(t - last) >= _MIN_DIFFERENCE]
     return min(others, key=lambda t: abs(t - ambient), default=ambient)
 
 
@@ -98,7 +100,7 @@ class TemperatureTrack:
 class SoakLoop:
     """Executes the steps of a stage that change the temperature.
 
-    `remaining` is the estimated time left of the current soak, s, or None.
+    `remaining` is the estimated remaining time of the current soak, s, or None.
     """
 
     def __init__(self, control_loop: ControlLoop) -> None:
@@ -187,7 +189,7 @@ class SoakLoop:
             self._chamber.check_agreement(unit.temperature)
 
     def _time_left(self, step: Soak, tracks: Mapping[Unit, TemperatureTrack], now: float) -> float:
-        """Estimate the time left of a soak, s: the change of a unit decreases exponentially until it is steady."""
+        """Estimate the remaining time of a soak, s: the rate of a unit decreases exponentially until it is steady."""
         if not self._chamber.arrived:
             return self._chamber.remaining + step.hold
         remaining = 0.0

@@ -39,7 +39,7 @@ def table_task(setup: RunConfiguration) -> Task:
 def chamber_limits(*setups: RunConfiguration) -> ChamberLimits | None:
     """Return the limits of the station's chamber with the table and these units in it; None without a chamber.
 
-    Raises ConfigurationError if the profile of the table or a unit names no range.
+    Raises ConfigurationError if the profile of the table or a unit has no temperature range.
     """
     first = setups[0]
     section, profile = first.station.chamber, first.chamber

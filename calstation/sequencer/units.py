@@ -25,7 +25,7 @@ _Result = TypeVar("_Result")
 #: Station time without a sample after which a unit is considered silent, s.
 NO_DATA = 1.0
 
-#: Beginning of the names of the threads that solve; at the end of a run, nothing that they compute is needed.
+#: Prefix of the names of the solver threads; at the end of a run, their results are no longer needed.
 SOLVER_THREADS = "solver"
 
 #: Maximum number of ticks in a trace; if the listener is too slow, earlier ticks are omitted.
@@ -107,7 +107,7 @@ class Unit:
 
     @property
     def temperature(self) -> float | None:
-        """Latest temperature of the unit by its own sensor, °C; None if it is unknown."""
+        """Latest temperature measured by the unit, °C; None if it is unknown."""
         recent = self.acquisition.recent
         return None if recent is None or self.silent else recent[1]
 

@@ -66,7 +66,7 @@ class VerificationPath:
 
     @property
     def reference(self) -> tuple[Leg, ...]:
-        """The legs along which the reference is captured, labelled so."""
+        """The legs along which the reference is captured, with the label "reference"."""
         return tuple(replace(leg, move=replace(leg.move, label=("reference",))) for leg in self.legs)
 
     @property
@@ -213,7 +213,7 @@ class _PathBuilder:
         return self._is_new(pose) or self._is_opposite(pose)
 
     def _is_new(self, pose: tuple[float, float]) -> bool:
-        """Return whether gravity has a new axis in the body frame."""
+        """Return whether the line of gravity in the body frame differs from those at all previous rests."""
         return bool(np.abs(self._cosines(pose)).max() < np.cos(_MIN_NEW_ANGLE))
 
     def _is_opposite(self, pose: tuple[float, float]) -> bool:
@@ -268,7 +268,7 @@ class VerificationData:
     are measured on a table, where the last rest is opposite to another one, except in a reference. `carried` contains
     the samples between two rests on a manual rig, shape (n, 6), at intervals of `period` s. On a gimbal there are only
     `drifts`. `reference` contains the same data before the transfer or without the registers applied, or is None.
-    `temperature` is that of the unit's own sensor at the end of the capture, °C, or None.
+    `temperature` is measured by the unit at the end of the capture, °C, or None.
     """
 
     rests: tuple[FloatArray, ...]
