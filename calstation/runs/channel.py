@@ -103,8 +103,7 @@ class Channel:
         while True:
             try:
                 if not self._connection.poll(HEARTBEAT_INTERVAL):
-                    # Only if there is nothing to read, because after a delay of the engine the reply may be in the
-                    # pipe.
+                    # Checked only if there is nothing to read: after a delay, the reply may already be in the pipe.
                     times = [t for t in (self._unanswered_since, self._blocked_since) if t is not None]
                     if times and time.monotonic() - min(times) > self._silent_after:
                         self._unanswered_since = self._blocked_since = None

@@ -35,7 +35,7 @@ from calstation.sequencer import (
 
 #: Maximum duration of an uninterruptible wait for a message, s.
 _MAX_WAIT = 0.2
-#: Largest number of messages read at once, so that a window serves STOP also if they arrive faster than it shows them.
+#: Largest number of messages read at once, so that a window processes STOP even if it shows messages too slowly.
 _MAX_MESSAGES = 500
 
 #: Host time without a message, while the listener polls, after which the engine is considered frozen, s.
@@ -97,10 +97,10 @@ class Engine:
         return self.process.is_alive()
 
     def poll(self) -> list[Event]:
-        """Return the events since the last call without waiting; many that arrive at once are left to the next call.
+        """Return the events since the last call without waiting; at most `_MAX_MESSAGES` are read at once.
 
-        If the engine ended without a final event or has sent nothing for `FROZEN_AFTER` s, a `Fault` of kind
-        DeviceFaultError is returned once. If a frozen engine recovers, its events follow.
+        If the engine ended without a final event or is frozen (see `FROZEN_AFTER`), a `Fault` of kind DeviceFaultError
+        is returned once. If a frozen engine recovers, its events follow.
         """
         return self._read(FROZEN_AFTER)
 

@@ -63,7 +63,7 @@ def finish_incomplete(folder: Path) -> list[Path]:
 
 
 def attempts_in_progress(folder: Path, name: str, serial: str) -> list[int]:
-    """Return the sequence numbers of the runs of a unit that programs are executing in a folder.
+    """Return the sequence numbers of a unit's runs in a folder that are being executed.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def attempts_in_progress(folder: Path, name: str, serial: str) -> list[int]:
 
 
 def close_incomplete(path: Path, operator: str | None = None) -> Path:
-    """Record in the result file of a run who decided not to resume it and when, and return the file.
+    """Record in the result file of a run who decided when not to resume the run; return the file.
 
     Raises ConfigurationError if the run is still in progress or the folder cannot be written, InputError if the log or
     its result file cannot be read.
@@ -160,14 +160,14 @@ def _unverified(runs: Path, station: Path | None) -> tuple[str, ...]:
         for serial in journal.serials(folder):
             with suppress(CalstationError):
                 transfer = open_transfer(folder, serial)
-                serials += [serial] if transfer is not None and _was_left(transfer, runs, here) else []
+                serials += [serial] if transfer is not None and _needs_recovery(transfer, runs, here) else []
     return tuple(serials)
 
 
-def _was_left(transfer: Transfer, runs: Path, station: StationConfig) -> bool:
-    """Return whether an open transfer is not that of another station or of a run in progress, as the run's log shows.
+def _needs_recovery(transfer: Transfer, runs: Path, station: StationConfig) -> bool:
+    """Return whether an open transfer belongs neither to a run in progress nor to a run of another station.
 
-    A run of hardware whose log is in another folder is that of another station.
+    A hardware run without a log in this folder is considered a run of another station.
     """
     log = runs / transfer.source
     if transfer.why != "run" or not log.exists():

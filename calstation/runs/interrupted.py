@@ -12,7 +12,7 @@ from calstation.records import RunFilter, RunRecord, Verdict, being_written, ope
 from calstation.results import History
 from calstation.runs.resume import Resumable, as_resumable, best_run
 
-#: Maximum number of runs, or of batches, that are offered, the latest ones.
+#: Maximum number of runs or batches that are offered; later ones take precedence.
 _MAX_OFFERED = 20
 
 #: Kinds of the steps that change the temperature of the chamber.
@@ -23,9 +23,9 @@ _CHAMBER_STEPS = ("soak", "soak_to_verify", "ramp")
 class Interrupted:
     """Interrupted runs that can be resumed together, those of a batch in the order of their slots.
 
-    `others` are the other units of the batch, each with the reason why it is not resumed with them, a term of the
-    catalogue family ``not_resumed``. If every unit has one, there are no runs. `unloaded` are the units in whose place
-    on the table another unit was calibrated later.
+    `others` are the other units of the batch, each with the reason why it is not resumed, a term of the catalogue
+    family ``not_resumed``; `runs` is empty if no unit is resumed. `unloaded` are the units whose slots were later used
+    for other units.
     """
 
     runs: tuple[Resumable, ...]
@@ -44,7 +44,7 @@ class Interrupted:
         return Interrupted(tuple(run for run in self.runs if run.serial not in self.unloaded), (*absent, *self.others))
 
     def question(self, chosen: Collection[str]) -> Text:
-        """Return the question whether to resume the runs; it names a product that is not one of the chosen products."""
+        """Return the question whether to resume the runs; it names products of the runs that are not in `chosen`."""
         if not self.runs:
             return Text.of("question.units_in_other_slots", others=self._reasons)
         run = min(self.runs, key=lambda run: run.completed.amount)
@@ -85,10 +85,10 @@ class Interrupted:
 def find_resumable(
     progress: ProgressCallback, folder: Path, station: str | None = None, *, measured: bool = False
 ) -> list[Resumable]:
-    """Job: find the runs in a folder that a station, or any, can resume, and return them with the latest first.
+    """Job: find the runs in a folder that a station (None for any) can resume, and return them with the latest first.
 
-    At most one run per unit is returned, and no run that is older than the last verdict on the unit. Simulated runs
-    are left out if `measured`, because a station with hardware can neither resume them nor takes their verdicts.
+    At most one run per unit is returned, and no run that is older than the last verdict on the unit. If `measured`,
+    simulated runs and their verdicts are ignored, as at a station with hardware.
     """
     history = History(folder, measured=measured)
     history.refresh()
@@ -111,17 +111,17 @@ def find_resumable(
 def find_interrupted(
     progress: ProgressCallback, folder: Path, station: str | None = None, *, measured: bool = False
 ) -> list[Interrupted]:
-    """Job: find the runs that can be resumed, as `find_resumable` does, those of the units of a batch together."""
+    """Job: find the runs that can be resumed, as in `find_resumable`, and group those of the units of a batch."""
     runs = find_resumable(progress, folder, station, measured=measured)
     history = History(folder, measured=measured)
     batches = [each for batch in _batches(runs) for each in _of_batch(history, batch, station)]
-    found = [*(Interrupted((run,)) for run in runs if run.slot is None), *batches]
+    interrupted = [*(Interrupted((run,)) for run in runs if run.slot is None), *batches]
     latest = history.runs(RunFilter(station=station or "", missing=None))
-    return [replace(each, unloaded=_unloaded(each.runs, latest)) for each in found]
+    return [replace(each, unloaded=_unloaded(each.runs, latest)) for each in interrupted]
 
 
 def _unloaded(runs: Iterable[Resumable], latest: Iterable[RunRecord]) -> frozenset[str]:
-    """Return the units of the runs in whose place on the table of their station another has been since."""
+    """Return the units of the runs whose slots at their stations were later used for other units."""
     used = [(run.station, run.slot, run.serial, run.started_utc) for run in latest if not run.origin]
     return frozenset(
         run.serial
@@ -134,8 +134,8 @@ def _unloaded(runs: Iterable[Resumable], latest: Iterable[RunRecord]) -> frozens
 def find_chamber_left(progress: ProgressCallback, folder: Path, station: Path | None) -> str:
     """Job: return the start of the latest run of a station if it left the chamber at an unknown temperature, or "".
 
-    It died after it had begun to change the temperature, or ended without the chamber back at ambient. Runs without a
-    verdict whose logs cannot be read count, too. The runs of a batch have one chamber.
+    Such a run died after it had begun to change the temperature, or ended before the chamber was back at ambient. A run
+    without a verdict whose log cannot be read counts, too. The runs of a batch share one chamber.
     """
     here = load_station(station)[1]
     if here.chamber is None:
@@ -150,7 +150,7 @@ def find_chamber_left(progress: ProgressCallback, folder: Path, station: Path | 
 
 
 def _left_chamber(run: RunRecord) -> bool:
-    """Return whether the log of a run begins to use the chamber, and does not say that it may be opened."""
+    """Return whether a run used the chamber, but its log does not state that the chamber may be opened."""
     try:
         if being_written(run.log):
             return False
@@ -164,7 +164,7 @@ def _left_chamber(run: RunRecord) -> bool:
 
 
 def interrupted_units(history: History, slots: Mapping[str, str], station: str) -> Interrupted | None:
-    """Return what can be resumed of the latest interrupted batch of units that are on the table; None for nothing.
+    """Return the latest interrupted batch of units on the table, with the runs that can be resumed; None without one.
 
     Parameters
     ----------
@@ -199,8 +199,8 @@ def _batches(runs: Iterable[Resumable]) -> list[str]:
 def _of_batch(history: History, batch: str, station: str | None) -> Iterator[Interrupted]:
     """Yield the runs of a batch that can be resumed together, those that have completed most first."""
     records = history.runs(RunFilter(batch=batch), None)
-    found = {record.serial: best_run(history.of(record.serial), station) for record in records}
-    pending = [run for run in found.values() if run is not None and run.batch == batch]
+    best_runs = {record.serial: best_run(history.of(record.serial), station) for record in records}
+    pending = [run for run in best_runs.values() if run is not None and run.batch == batch]
     if not pending:
         return
     units = pending[0].batch_units
@@ -220,7 +220,7 @@ def _of_batch(history: History, batch: str, station: str | None) -> Iterator[Int
 
 
 def _reason(history: History, serial: str, batch: Sequence[RunRecord]) -> str:
-    """Return why a unit of a batch is not resumed: the end of its runs since, or else what its run completed."""
+    """Return why a unit of a batch is not resumed: the outcome of its later runs, or else of its run in the batch."""
     begun = min(record.started_utc for record in batch)
     for run in history.of(serial):
         if run.started_utc >= begun and (run.verdict.judged or run.closed):
@@ -231,7 +231,7 @@ def _reason(history: History, serial: str, batch: Sequence[RunRecord]) -> str:
 
 
 def _ended_with(run: Resumable, further: Resumable) -> bool:
-    """Return whether a run ended together with another one, and not earlier by a fault of its unit."""
+    """Return whether a run ended together with another run, and not earlier due to a fault of its unit."""
     if run.completed.amount == further.completed.amount:
         return True
     return run.verdict is not Verdict.FAULT and run.completed.is_near(further.completed)

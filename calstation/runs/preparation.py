@@ -46,7 +46,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class PreparedRun:
-    """The run of a unit before its devices are opened; `continuation` is the part that a resumed run continues.
+    """The run of a unit before its devices are opened; `continuation` is the earlier part of a resumed run.
 
     The units of a batch share a `cycle`, which follows the events passed to the `listener`.
     """
@@ -71,7 +71,7 @@ class PreparedRun:
 
     @property
     def folder(self) -> Path:
-        """Folder of its log."""
+        """Folder of the log."""
         return self.setup.request.out
 
     def meta(self, registers: dict[str, float] | None) -> tuple[LogMeta, Message | None]:
@@ -120,7 +120,7 @@ class PreparedRun:
     def _open(self, registers: dict[str, float] | None, unverified: UnverifiedTransfer | None) -> "OpenRun":
         meta, message = self.meta(registers)
         stem = self._file_name
-        if self.setup.request.batch:  # the names of its units must differ
+        if self.setup.request.batch:  # the names of the logs of a batch must differ
             stem = f"{stem}_{self.slot}"
         log = RawLogWriter(
             self.folder / f"{stem}_{self.started:%Y%m%dT%H%M%S%f}.h5",
@@ -194,8 +194,7 @@ def prepare(
 ) -> tuple[PreparedRun, ...]:
     """Perform all checks that need no open device, and return the run of each unit.
 
-    Raises ConfigurationError or InputError if the run is not possible as
-    requested.
+    Raises ConfigurationError or InputError if the run is not possible as requested.
 
     Parameters
     ----------
@@ -218,7 +217,7 @@ def prepare(
     history, started = History.at(request.out, setups[0].station), datetime.now(UTC)
     history.refresh()
     if any(setup.imu.registers for setup in setups):
-        intact_trail(site_folder(), request.out)  # nothing is written to a unit on a changed trail
+        intact_trail(site_folder(), request.out)  # nothing is written to a unit if the audit trail was changed
     permitted = [_check_permitted(setup, history) for setup in setups]
     for setup in permitted:
         check_flash(setup, request.out, partial(_emit_of_slot, emit, setup.request.slot or ""))

@@ -39,7 +39,7 @@ _ENDED = ("passed", "failed", "imported")
 
 @dataclass(frozen=True)
 class Completed:
-    """What need not be repeated of a run: its finished `stages`, and the numbers of completed temperatures by stage."""
+    """The completed parts of a run: its finished `stages`, and the numbers of completed temperatures by stage."""
 
     planned: tuple[str, ...]
     stages: tuple[str, ...]
@@ -68,7 +68,7 @@ class Completed:
         return len(self.stages), self.points
 
     def is_near(self, further: "Completed") -> bool:
-        """Return whether a run that ended with another one has at most one stage or temperature less.
+        """Return whether a run that ended with another run has completed at most one stage or temperature less.
 
         The units of a batch complete a stage or a temperature one after the other.
         """
@@ -79,7 +79,7 @@ class Completed:
 
 
 def completed_by_all(runs: Sequence[Completed]) -> Completed:
-    """Return what all of these runs with the same plan have completed, after which they can be resumed together."""
+    """Return what all of these runs with the same plan have completed; they can be resumed together after it."""
     least = min(runs, key=lambda run: run.amount)
     common = frozenset.intersection(*(run.temperatures.get(least.stage, frozenset()) for run in runs))
     return replace(least, temperatures={**least.temperatures, least.stage: common})
@@ -87,10 +87,10 @@ def completed_by_all(runs: Sequence[Completed]) -> Completed:
 
 @dataclass(frozen=True)
 class Resumable:
-    """A run that can be resumed after what it has completed.
+    """A run that can be resumed after its completed parts.
 
-    `why` is the reason for the stop or the error; it is "" if the process died. `batch_units` are the serial numbers
-    of all units of its batch.
+    `why` is the reason for the stop or the error, "" if the process died. `batch_units` are the serial numbers of all
+    units of its batch.
     """
 
     serial: str
@@ -119,14 +119,14 @@ class Resumable:
 
 
 def resumable_run(history: History, serial: str, station: str) -> Resumable | None:
-    """Return the run of a unit that a station can resume according to the runs that count at it, or None."""
+    """Return the run of a unit that a station can resume, or None."""
     return best_run(history.of(serial), station)
 
 
 def best_run(runs: Sequence[RunRecord], station: str | None) -> Resumable | None:
-    """Return the latest run since the last verdict on the unit at any station whose log permits to resume it, or None.
+    """Return the latest run of a unit since its last verdict at any station that can be resumed, or None.
 
-    If it continued a run that had completed more, because it ended while that log was copied, return the other run.
+    If this run ended while it copied the log of a run that had completed more, return the earlier run.
 
     Parameters
     ----------
@@ -153,7 +153,8 @@ def best_run(runs: Sequence[RunRecord], station: str | None) -> Resumable | None
 def registers_written(meta: LogMeta, runs: Path) -> bool:
     """Return whether registers may have been written to the unit of a log since its run began.
 
-    The journal in the folder of the runs is that of a virtual unit. A damaged journal says nothing; a start reports it.
+    The folder of the runs contains the journals of virtual units. A damaged journal is ignored here; the start of a run
+    reports it.
     """
     if meta.run is not None:
         with suppress(ConfigurationError):
@@ -225,7 +226,7 @@ def _finished_stages(log: Log) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Continuation:
-    """The earlier part of a resumed run: the request, the log that it continues, and what is not repeated of it."""
+    """The earlier part of a resumed run: the request, the log that the run continues, and its completed parts."""
 
     request: RunRequest
     log: Log
@@ -262,7 +263,7 @@ class Continuation:
 
     @classmethod
     def of_all(cls, request: RunRequest) -> "tuple[Continuation, ...]":
-        """Read the logs of a unit or of all units of a batch, which continue after what all of them have completed.
+        """Read the logs of a unit, or of all units of a batch, which continue after what all units have completed.
 
         Raises ConfigurationError or InputError.
         """
@@ -362,7 +363,7 @@ class Continuation:
     def _blocks(self) -> Iterator[tuple[SampleBlock, bool]]:
         """Yield the blocks of the finished stages and temperatures, and whether each is the last of a finished stage.
 
-        There may be samples between stages within a stage that was resumed.
+        The samples of a stage that was resumed may contain blocks without a stage.
         """
         last_seq = {block.stage: int(block.seq[-1]) for block in self.log.blocks() if block.stage}
         remaining, copied = list(self.finished), 0

@@ -44,7 +44,7 @@ def execute(request: RunRequest, emit: Emit, control: Control, hooks: type[RunHo
     """Execute a run, write a result JSON next to each log, and emit the verdict on every unit.
 
     Raises ConfigurationError or InputError if the run is not possible as requested, and PortLockError if another
-    program uses a port; then no device has been opened, and the run has no log and is no attempt.
+    program uses a port; then no device has been opened, and the run has no log and does not count as an attempt.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def _drive(evaluations: Sequence[Finalization], devices: Devices) -> None:
 
 
 def _slots(evaluations: Sequence[Finalization]) -> list[Slot]:
-    """Return the units that can continue after what resumed runs have completed; the runs of the others are closed."""
+    """Copy the completed parts of resumed runs; return the units that can continue, and close the other runs."""
     pending, slots = list(evaluations), list[Slot]()
     try:
         for evaluation in evaluations:
@@ -211,7 +211,7 @@ def _slots(evaluations: Sequence[Finalization]) -> list[Slot]:
 
 
 def _resume(run: OpenRun) -> LastSample | None:
-    """Copy what need not be repeated of a resumed run; return its last sample, or None for a new run.
+    """Copy the completed parts of a resumed run; return the last sample copied, or None for a new run.
 
     Raises StopRequested, InputError, ConfigurationError.
     """

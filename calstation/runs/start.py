@@ -33,7 +33,7 @@ from calstation.runs.resume import Continuation, resumable_run
 #: Role of the person who starts a run.
 Role = Literal["operator", "engineer"]
 
-#: Subject of a question: a unit known by a serial number with other upper and lower case, an interrupted transfer of
+#: Subject of a question: a serial number that differs from a known one only by case, an interrupted transfer of
 #: registers, an interrupted run of the unit, attempts that are used up, a unit that has passed, a check standard or
 #: certificate that is overdue or failed, or the motion of a real table.
 Subject = Literal["spelling", "transfer", "resume", "attempts", "passed", "standard", "table_moves"]
@@ -98,7 +98,7 @@ class RunStart:
             return next(filter(None, asked), None)
 
     def answer(self, question: Question, answer: str) -> None:
-        """Process an answer to a question other than the one about a check standard, for which see `override`.
+        """Process the answer to a question; a question about a check standard is answered by `override` instead.
 
         Raises ConfigurationError or InputError if an interrupted run cannot be resumed.
         """
@@ -147,7 +147,7 @@ class RunStart:
         return next(setups, self._setups[0])
 
     def _ask_spelling(self) -> Question | None:
-        """Ask about the units without a run whose serial numbers differ from known ones only by the case of letters."""
+        """Ask about the units without a run whose serial numbers differ from known ones only by case."""
         known = {setup.request.serial: self._history.other_spellings(setup.request.serial) for setup in self._setups}
         serials = [serial for serial, others in known.items() if others]
         if not serials:
@@ -160,18 +160,18 @@ class RunStart:
         return Question("spelling", Text("question.other_spelling", values), ("other_unit",), refusal)
 
     def _ask_transfer(self) -> Question | None:
-        """Ask about the units whose registers a transfer may have changed without having been verified."""
+        """Ask about the units whose registers may have been changed by a transfer that was not verified."""
         folder = journal_folder(self._setups[0].station, self.request.out)
-        found = (open_transfer(folder, setup.request.serial) for setup in self._setups)
-        transfers = [transfer for transfer in found if transfer is not None]
+        serials = (setup.request.serial for setup in self._setups)
+        transfers = [transfer for serial in serials if (transfer := open_transfer(folder, serial)) is not None]
         if not transfers:
             return None
-        serials = [transfer.serial for transfer in transfers]
+        units = [transfer.serial for transfer in transfers]
         code = "transfer_unverified" if all(transfer.written for transfer in transfers) else "transfer_interrupted"
-        refusal = ConfigurationError(f"run.{code}", serials=serials)
-        which = "units_" if len(serials) > 1 else ""
+        refusal = ConfigurationError(f"run.{code}", serials=units)
+        which = "units_" if len(units) > 1 else ""
         by_hand = "_manual" if self._setups[0].table.by_hand else ""
-        text = Text(f"question.{which}{code}{by_hand}", {"serial": serials[0], "serials": serials})
+        text = Text(f"question.{which}{code}{by_hand}", {"serial": units[0], "serials": units})
         return Question("transfer", text, DECISIONS[::-1], refusal)
 
     def _ask_resume(self) -> Question | None:
@@ -208,7 +208,7 @@ class RunStart:
         return [refusal for s in self._setups if (refusal := attempts_used(s, self._history)) is not None]
 
     def _ask_passed(self) -> Question | None:
-        used_up = self._attempts_used() if self.request.beyond_attempts else []  # without it, none is used up here
+        used_up = self._attempts_used() if self.request.beyond_attempts else []  # otherwise `_ask_attempts` refuses
         failed = {refusal.values["serial"] for refusal in used_up}
         units = [s.request.serial for s in self._setups if s.check_standard is None]
         passed = [run for serial in units if serial not in failed and (run := self._history.passed_before(serial))]
@@ -290,7 +290,7 @@ def _complete_request(request: RunRequest, history: History) -> RunRequest:
 
 
 def _complete_resumed(request: RunRequest) -> RunRequest:
-    """Complete a request that resumes runs with their product, and with the units and slots of the logs.
+    """Complete a request that resumes runs with the product, the units and the slots of their logs.
 
     Raises ConfigurationError if the product is unknown, two logs are of the same slot, or the request names other units
     than the logs, and InputError if a log cannot be read.
@@ -329,7 +329,7 @@ def _by_slot(request: RunRequest, metas: Sequence[LogMeta]) -> dict[str, tuple[s
 
 
 def _resumed_batch(request: RunRequest, units: Mapping[str, tuple[str, Path]], batch: str | None) -> RunRequest:
-    """Return the request that resumes a batch; its product is that of the slots without one of their own.
+    """Return the request that resumes a batch; its product applies to the slots without a product of their own.
 
     Parameters
     ----------

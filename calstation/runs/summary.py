@@ -53,7 +53,7 @@ class RunSummary:
     operator_ends_stages: bool = False  #: Whether the operator page offers to end a repeated stage early.
     by_hand: bool = False
     joint_order: str = ""  #: Letters of a gimbal's joints from base to body; "" for a table.
-    #: Unit vector of the direction of gravity in the body frame at every manual position.
+    #: Unit vector opposite to gravity in the body frame at every manual position.
     positions: tuple[tuple[float, float, float], ...] = ()
     sign_in: SignInSection | None = None  #: How operators sign in; None if the station does not require badges.
     shift_starts: tuple[str, ...] = ("00:00",)  #: Local times, ``HH:MM``.
@@ -81,7 +81,7 @@ class RunSummary:
 
     @property
     def fixed_serial(self) -> str:
-        """Serial number of the only unit of a virtual bench; "" if every suitable number is a unit of its own."""
+        """Serial number of the only unit of a virtual bench; "" for hardware, with slots, or if it is not fixed."""
         return "" if self.bench is None or self.slots else str(self.bench.get("serial", ""))
 
     @property
