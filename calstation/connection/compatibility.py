@@ -68,7 +68,7 @@ def incompatibilities(setup: RunConfiguration) -> Iterator[Finding]:
 
 
 def station_conflicts(text: str) -> list[Problem]:
-    """Return the problems of valid entries of a station file because of which runs would be refused."""
+    """Return the problems of a valid station file that would cause runs to be refused."""
     data = parse_toml(text)
     station = StationConfig.model_validate(data)
     problems = [] if (error := gravity_contradiction(station.site)) is None else [Problem.of(error)]

@@ -98,7 +98,7 @@ def find_station_owner(path: Path | None, done: Callable[[Path | None, PortOwner
 
 @contextmanager
 def lock_ports(ports: Iterable[str]) -> Iterator[None]:
-    """Lock ports, which may have several names. Raises PortLockError, which names the process that uses a port."""
+    """Lock ports; all names of a port share one lock. Raises PortLockError with the process that uses a port."""
     devices = {device: port for port in ports for device in _devices(port)}
     with ExitStack() as stack:
         for device in sorted(devices):  # the fixed order prevents two processes from waiting for each other

@@ -136,7 +136,7 @@ def _deviation_finding(table: RegisterTable | TextTable, profile: TableProfile, 
     values: dict[str, Value] = {"unit": error.unit, "timeout": profile.timeout_s}
     if table.deviation is not None:
         return Finding(f"gateway_{table.deviation}", "error", values)
-    delay = table.late_reply(error.unit, max(_LATE_REPLY, 3.0 * profile.timeout_s))
+    delay = table.reply_time(error.unit, max(_LATE_REPLY, 3.0 * profile.timeout_s))
     if delay is None or delay < profile.timeout_s:
         return None
     return Finding("late_reply", "error", {**values, "seconds": delay})

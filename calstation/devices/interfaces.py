@@ -106,7 +106,7 @@ class Table(Protocol):
         """
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
-        """Start rotating both joints until they are stopped, without waiting.
+        """Start rotating both joints, without waiting; they rotate until they are stopped.
 
         Raises ConfigurationError if the table would not stop after a link loss, because it has no active watchdog and
         the profile no `link_loss_stop_s`.

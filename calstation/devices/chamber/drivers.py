@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 @contextmanager
-def _as_chamber() -> Iterator[None]:
+def _chamber_errors() -> Iterator[None]:
     """Convert link errors, which are worded for a table, to errors of the chamber."""
     try:
         yield
@@ -25,7 +25,7 @@ def _as_chamber() -> Iterator[None]:
         raise DeviceFaultError("chamber.link", reason=error.as_text) from error
 
 
-def _reopened(exchange: Callable[[], T]) -> T:
+def _on_new_connection(exchange: Callable[[], T]) -> T:
     """Repeat an exchange on a new connection if the connection was lost; a chamber may close it during a long soak."""
     try:
         return exchange()
@@ -44,7 +44,7 @@ def open_chamber(
     ----------
     port : `tcp://host:port`, or a serial port
     profile : profile of the chamber
-    serial : settings of the serial port; None for the profile's
+    serial : settings of the serial port; None for those of the profile
     """
     return (TextChamber if profile.protocol == "text" else ModbusChamber)(port, profile, serial)
 
@@ -56,17 +56,17 @@ class TextChamber(Chamber):
         if not isinstance(profile.section, ChamberTextSection):
             raise TypeError(f"{profile.name} has protocol {profile.protocol!r}")
         self._profile, self._text = profile, profile.section
-        with _as_chamber():
+        with _chamber_errors():
             self._link = TextLink(port, self._text, serial or self._text.serial, "chamber")
         self._patterns = {name: re.compile(query.answer) for name, query in self._text.queries.items()}
 
     def identify(self) -> str:
         """Return the identity that the chamber reports, and send the queries that are sent only once."""
-        with _as_chamber():
+        with _chamber_errors():
             model = self._ask("identity")["model"]
         if self._profile.model not in model:
             raise OtherModelError("chamber.other_model", found=model, expected=self._profile.model)
-        with _as_chamber():
+        with _chamber_errors():
             for name in self._text.queries:
                 if name not in ("identity", *self._text.polled):
                     self._ask(name)
@@ -74,7 +74,7 @@ class TextChamber(Chamber):
 
     def status(self) -> ChamberStatus:
         """Poll the state of the chamber."""
-        with _as_chamber():
+        with _chamber_errors():
             answers = {name: self._ask(name) for name in self._text.polled}
             flags = self._text.flags
             alarm = self._flag(flags.alarm, answers)
@@ -87,7 +87,7 @@ class TextChamber(Chamber):
             )
 
     def set_point(self, temperature_c: float) -> None:
-        """Set the temperature of the air, °C."""
+        """Set the set point of the air temperature, °C."""
         self._send("set_point", temperature=f"{temperature_c:.{self._text.decimals}f}")
 
     def start(self) -> None:
@@ -108,13 +108,13 @@ class TextChamber(Chamber):
         return self._link.received
 
     def _send(self, command: str, **values: str) -> None:
-        with _as_chamber():
+        with _chamber_errors():
             for line in getattr(self._text.commands, command):
-                _reopened(partial(self._link.command, line.format(**values)))
+                _on_new_connection(partial(self._link.command, line.format(**values)))
 
     def _ask(self, name: str) -> dict[str, str]:
         query = self._text.queries[name]
-        reply = _reopened(partial(self._link.ask, query.send, self._patterns[name]))
+        reply = _on_new_connection(partial(self._link.ask, query.send, self._patterns[name]))
         match = self._patterns[name].search(reply)
         if match is None:
             values = {"line": query.send, "answer": quote_text(reply), "query": name}
@@ -137,7 +137,7 @@ class ModbusChamber(Chamber):
         if not isinstance(profile.section, ChamberModbusSection):
             raise TypeError(f"{profile.name} has protocol {profile.protocol!r}")
         self._profile, self._modbus = profile, profile.section
-        with _as_chamber():
+        with _chamber_errors():
             self._link = ModbusLink(
                 port, self._modbus.unit, self._modbus.timeout_s, serial or self._modbus.serial, "chamber"
             )
@@ -164,7 +164,7 @@ class ModbusChamber(Chamber):
         )
 
     def set_point(self, temperature_c: float) -> None:
-        """Set the temperature of the air, °C."""
+        """Set the set point of the air temperature, °C."""
         register = self._modbus.registers["set_point"]
         self._write("set_point", register.encode(temperature_c, "set_point"))
 
@@ -187,11 +187,11 @@ class ModbusChamber(Chamber):
 
     def _read(self, name: str) -> float:
         register = self._modbus.registers[name]
-        with _as_chamber():
+        with _chamber_errors():
             return register.decode(self._link.read(register.address, register.count))
 
     def _write(self, name: str, words: list[int]) -> None:
-        with _as_chamber():
+        with _chamber_errors():
             self._link.write(self._modbus.registers[name].address, words)
 
     def _command(self, command: str) -> None:

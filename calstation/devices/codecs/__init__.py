@@ -1,4 +1,4 @@
-"""Encoding of numbers, checksums and matrix conventions in bytes and registers, regardless of profiles and ports."""
+"""Encoding of numbers, checksums and matrices in bytes and registers, independent of profiles and ports."""
 
 from calstation.devices.codecs.conventions import (
     ELEMENTS,

@@ -118,7 +118,7 @@ def from_registers(
     Parameters
     ----------
     sensor : gyro or accel
-    contents : values by name of the element
+    contents : values by element name
     matrix, offset : conventions of the registers of the matrix and the offset
     """
     stored = np.zeros((3, 3)) if not matrix.identity else np.eye(3)

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
-#: Default length of quoted bytes, characters.
+#: Default maximum length of quoted bytes, characters.
 QUOTE_LENGTH = 40
 
 

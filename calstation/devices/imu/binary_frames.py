@@ -87,7 +87,7 @@ class BinaryFrame:
         return Columns(values, present)
 
     def _layout_key(self, packet: bytes) -> tuple[int, bytes]:
-        """Return the key of a packet's layout; in packets with equal keys, the numbers are at the same bytes."""
+        """Return the key of a packet's layout; in packets with equal keys, the numbers have the same positions."""
         width = 0 if self._frame.items is None else self._frame.items.header
         return len(packet), b"".join(packet[at - width : at] for _, at, _ in self._items(packet) or ())
 

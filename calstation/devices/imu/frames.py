@@ -59,7 +59,7 @@ class FrameDecoder:
     crc_errors : number of packets with a wrong checksum
     skipped : number of bytes outside packets
     others : number of valid packets without sample fields
-    since_frame : number of bytes skipped since the last valid packet
+    bytes_since_frame : number of bytes skipped since the last valid packet
     """
 
     def __init__(self, frame: FrameSection, replies: ReplyKind | None = None) -> None:
@@ -74,7 +74,7 @@ class FrameDecoder:
         self.crc_errors = 0
         self.skipped = 0
         self.others = 0
-        self.since_frame = 0
+        self.bytes_since_frame = 0
 
     def feed(self, data: bytes) -> DecodedPackets:
         """Return the packets that new bytes complete."""
@@ -96,7 +96,7 @@ class FrameDecoder:
                 continue
             packet = buffer[start : start + size]
             start += size
-            self.since_frame = 0
+            self.bytes_since_frame = 0
             if kind is self._frame:
                 if self._frame.is_sample(packet):
                     packets.append(packet)
@@ -140,7 +140,7 @@ class FrameDecoder:
 
     def _skip(self, count: int) -> None:
         self.skipped += count
-        self.since_frame += count
+        self.bytes_since_frame += count
 
     def _packet(self, buffer: bytes, start: int) -> tuple[int | None, PacketKind | None]:
         """Return the size and kind of the packet at `start`; the size is None if more bytes are needed."""

@@ -33,10 +33,13 @@ class RegisterMap:
     entries: tuple[RegisterEntry, ...]
 
     @cached_property
+    def _names(self) -> tuple[str, ...]:
+        return tuple(name for entry in self.entries for name in entry.names if name)
+
+    @cached_property
     def parameters(self) -> tuple[str, ...]:
         """Names of all parameters that have a register."""
-        names = (parameter_of(name) for entry in self.entries for name in entry.names)
-        return tuple(name for name in names if name)
+        return tuple(filter(None, map(parameter_of, self._names)))
 
     def encode(self, values: Mapping[str, float]) -> dict[int, list[float]]:
         """Return the numbers of each entry by its key. Raises DeviceFaultError if a value is out of range."""
@@ -111,16 +114,14 @@ class RegisterMap:
 
     def _contents(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the SI value of each parameter and each matrix or offset element in the registers."""
-        names = (name for entry in self.entries for name in entry.names)
-        contents = {name: values[name] for name in names if name and name not in ELEMENTS}
+        contents = {name: values[name] for name in self._names if name not in ELEMENTS}
         for sensor in SENSORS:
             if elements := self._elements(sensor):
                 contents |= to_registers(sensor, values, elements, *self._conventions(sensor))
         return contents
 
     def _elements(self, sensor: str) -> list[str]:
-        known = {name for entry in self.entries for name in entry.names}
-        return [element for element in (*matrix_elements(sensor), *offset_elements(sensor)) if element in known]
+        return [element for element in matrix_elements(sensor) + offset_elements(sensor) if element in self._names]
 
     def _conventions(self, sensor: str) -> tuple[Convention, Convention]:
         matrix, offset = (

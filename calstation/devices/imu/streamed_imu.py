@@ -149,7 +149,7 @@ class StreamedImu(Imu):
 
     def _reset_noise_count(self) -> None:
         """Reset the count of bytes outside frames, because a unit that has restarted may send any bytes."""
-        self._decoder.since_frame = 0
+        self._decoder.bytes_since_frame = 0
 
     def _no_answer(self, timeout: float) -> DeviceFaultError:
         if self._bytes == 0:
@@ -165,7 +165,7 @@ class StreamedImu(Imu):
             raise self._failure
         seconds = _NOISE_SECONDS if self._frames else 0.0
         frames = max(_NOISE_FRAMES, round(seconds * self._profile.stream.sample_rate_hz))
-        if self._decoder.since_frame > frames * self._decoder.size:
+        if self._decoder.bytes_since_frame > frames * self._decoder.size:
             raise NoFramesError("imu.no_frames", port=self._link.port)
 
     def _serve(self) -> None:

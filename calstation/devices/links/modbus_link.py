@@ -99,9 +99,9 @@ class ModbusLink:
         """How a Modbus TCP reply differs from its request; see `TcpConnection`."""
         return self._transport.deviation
 
-    def late_reply(self, unit: int, limit: float) -> float | None:
+    def reply_time(self, unit: int, limit: float) -> float | None:
         """Return the reply time of one read, s; None if no reply arrives within `limit` s of host time."""
-        return self._transport.late_reply(unit, limit)
+        return self._transport.reply_time(unit, limit)
 
     def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
         """Read unsigned 16-bit words; repeat a lost transfer.
@@ -276,7 +276,7 @@ class TcpConnection:
             return "unit"
         return "transaction" if reply[:2] != request[:2] else None
 
-    def late_reply(self, unit: int, limit: float) -> float | None:
+    def reply_time(self, unit: int, limit: float) -> float | None:
         """Return the reply time of one read over a separate connection, s; None without a reply within `limit` s."""
         request = struct.pack(">HHHBBHH", 1, 0, 6, unit, READ, 0, 1)
         try:

@@ -103,7 +103,7 @@ class RtuRequest:
         return int.from_bytes(self.payload[:2], "big")
 
     def transaction(self, refusal: Callable[[int], Refusal]) -> Transaction[bytes]:
-        """Return a transaction that returns the data in the reply; `refusal` creates the error for an exception."""
+        """Return a transaction whose result is the data in the reply; `refusal` creates the error for an exception."""
 
         def parse(reply: Reply) -> bytes | None:
             if reply.op == self.function | REFUSED:
@@ -161,7 +161,7 @@ class RtuLine:
         """
         self._ask(RtuRequest.write(unit, address, values), urgent=repeat, again=again)
 
-    def late_reply(self, unit: int, limit: float) -> float | None:
+    def reply_time(self, unit: int, limit: float) -> float | None:
         """Discard late replies and return the reply time of one read, s; None without a reply within `limit` s.
 
         Also returns None if the line is never silent, e.g. because a device sends without requests.

@@ -239,8 +239,8 @@ USB = "usb:"
 class SerialPortInfo:
     """A serial port listed by the system, e.g. `/dev/ttyUSB0` or `COM3`; unknown attributes are empty.
 
-    usb : name of the port by its adapter, which is the same when `device` changes; None if the adapter has no unique
-        serial number and its location is unknown
+    usb : name of the port derived from its adapter, which does not change with `device`; None if the adapter has no
+        unique serial number and its location is unknown
     """
 
     device: str
@@ -292,7 +292,7 @@ def _list_ports() -> list[ListPortInfo]:
 
 
 def _names(port: ListPortInfo, listed: Sequence[ListPortInfo]) -> tuple[str, ...]:
-    """Return the names of a port by its adapter, starting with the preferred name.
+    """Return the names of a port derived from its adapter, starting with the preferred name.
 
     A serial number shared by several adapters is not a name, because its meaning would change if one were unplugged.
     """

@@ -84,7 +84,7 @@ class ImuLinkSection(ProfileSection):
 
 
 class ModbusSection(ImuLinkSection):
-    """`[modbus]`: unit numbers, timeout, serial settings and size of transfers."""
+    """`[modbus]`: unit numbers, timeout and serial settings, in addition to the entries of `[imu_link]`."""
 
     unit: int = Field(ge=0, le=255)
     inner_unit: int | None = Field(default=None, ge=1, le=247)
@@ -117,7 +117,7 @@ class AccuracySection(StrictModel):
 class TableProfile(ProfileSection):
     """A type of table, with all data for its driver, the plans and the solvers.
 
-    range_c : range of the temperature in which the table may be operated, °C; required in a chamber
+    range_c : range of ambient temperatures in which the table may be operated, °C; required in a chamber
     link_loss_stop_s : time after the last received line within which a table without a watchdog stops its axes, s; if
         it is None, continuous rotation is not allowed
     """

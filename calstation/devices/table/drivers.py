@@ -23,7 +23,7 @@ def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) 
     ----------
     port : port or address of the table
     profile : profile of the table
-    serial : settings of the serial port; None for the profile's
+    serial : settings of the serial port; None for those of the profile
     """
     if profile.protocol == "imu_link":
         raise ConfigurationError("table.behind_imu", profile=profile.name)

@@ -184,12 +184,12 @@ class RegisterTable(Table):
         """How a Modbus TCP reply differs from its request; see `links.TcpConnection`."""
         return self._link.deviation
 
-    def late_reply(self, unit: int, limit: float) -> float | None:
+    def reply_time(self, unit: int, limit: float) -> float | None:
         """Return the reply time of a unit, s; None if no reply arrives within `limit` s of host time."""
-        return self._link.late_reply(unit, limit) if isinstance(self._link, ModbusLink) else None
+        return self._link.reply_time(unit, limit) if isinstance(self._link, ModbusLink) else None
 
     def _unit(self, name: str) -> int | None:
-        """Return the unit number for a register in the separate drive of the inner axis; None for the link's unit."""
+        """Return the unit number of the inner axis's separate drive for its registers; None for the link's unit."""
         modbus = self._profile.modbus
         return modbus.inner_unit if modbus is not None and name.startswith("inner_") else None
 
@@ -244,7 +244,7 @@ class RegisterTable(Table):
     def _command(self, command: str, values: Sequence[Mapping[str, float]] = (), repeat: bool = True) -> None:
         with self._fault_as_cause():
             for words in [self._encoded(register_name) for register_name in values]:
-                self._write_together(words)
+                self._write_adjacent(words)
             for name, raw in self._writes(command):
                 self._write_registers(name, raw, repeat)
 
@@ -276,16 +276,16 @@ class RegisterTable(Table):
         ordered = sorted(values, key=lambda name: registers[name].address)
         return {name: registers[name].encode(float(np.rad2deg(values[name])), name) for name in ordered}
 
-    def _write_together(self, encoded: Mapping[str, list[int]]) -> None:
+    def _write_adjacent(self, encoded: Mapping[str, list[int]]) -> None:
         """Write adjacent registers of one axis in one transfer, and all others separately."""
-        together: list[tuple[int, list[int]]] = []
+        blocks: list[tuple[int, list[int]]] = []
         for name, words in encoded.items():
             address = self._map.registers[name].address
-            if together and together[-1][0] + len(together[-1][1]) == address:
-                together[-1][1].extend(words)
+            if blocks and blocks[-1][0] + len(blocks[-1][1]) == address:
+                blocks[-1][1].extend(words)
             else:
-                together.append((address, list(words)))
-        for address, words in together:
+                blocks.append((address, list(words)))
+        for address, words in blocks:
             self._link.write(address, words, unit=self._unit(next(iter(encoded))))
 
     def _value(self, words: list[tuple[int | None, int, list[int]]], name: str) -> float:
