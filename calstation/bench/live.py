@@ -168,7 +168,7 @@ class LiveBench:
         return b"".join(parts)
 
     def _advance_in_steps(self, now: float) -> list[bytes]:
-        """Advance to `now`, s, in steps that end with each fault, so that its effect does not depend on the caller."""
+        """Advance to `now`, s, in steps that end when faults end, so that their effects do not depend on the caller."""
         ends = (self._power_on + end / self._gain for end in self.faults.until.values())
         return [self._produce(step_end) for step_end in (*sorted(end for end in ends if self.now < end < now), now)]
 

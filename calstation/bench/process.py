@@ -347,6 +347,6 @@ async def _main(config: BenchConfig) -> None:
 
 
 def serve(config: BenchConfig) -> None:
-    """Run a bench until its standard input closes or its last clock connection ends."""
+    """Run a bench until its standard input or its last control connection closes."""
     warm_up(config)
     asyncio.run(_main(config))

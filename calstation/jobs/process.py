@@ -147,8 +147,8 @@ class ChildProcess(PipeReader):
 
     `target`, a function at the top level of a module, is called in the process with its end of the pipe and `args`. The
     process ignores Ctrl-C, because its owner sends a stop command instead, and receives no other stop signal before
-    `target` calls `receive_stop_signals`. Unlike usual with multiprocessing, it does not import the caller's main
-    module, because a plain script that opens the window must not open it twice.
+    `target` calls `receive_stop_signals`. Unlike other spawned processes, it does not import the caller's main module,
+    because a plain script that opens the window must not open it twice.
     """
 
     def __init__(self, name: str, target: Callable[..., None], *args: Any, daemon: bool = False) -> None:

@@ -1,4 +1,4 @@
-"""Signals that would end a process, and are requests for a safe stop instead."""
+"""Signals that would end a process, and are treated as requests for a safe stop instead."""
 
 import os
 import signal
@@ -19,7 +19,7 @@ STOP_SIGNALS: tuple[signal.Signals, ...] = tuple(getattr(signal, name) for name 
 def on_stop_signals(action: Callable[[], object]) -> Iterator[None]:
     """Call `action` instead of ending the process each time a stop signal arrives, while the context is open.
 
-    After the end of a terminal, output to it is discarded, so that the process can complete its work.
+    After the terminal has closed, output to it is discarded, so that the process can complete its work.
     """
 
     def handle(number: int, frame: object) -> None:

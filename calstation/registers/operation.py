@@ -1,8 +1,8 @@
 """Register operations outside a run (write, finish or restore) with the same guards and safe stop as a run.
 
-A driven table is made ready before the first register is written, and turns the unit after its restart. On a manual
-rig, or if the table must not move, the output is verified at rest. Before the first register is written, the requester,
-the purpose and the old values are stored in the unit's journal on disk.
+A driven table is made ready before the first register is written, and turns the unit after the unit has restarted. On a
+manual rig, or if the table must not move, the output is verified at rest. Before the first register is written, the
+requester, the purpose and the old values are stored in the unit's journal on disk.
 """
 
 from collections.abc import Callable, Iterator, Mapping

@@ -45,7 +45,7 @@ from calstation.physics import (
 from calstation.records import context_from_meta, prior_from_meta
 from calstation.sequencer import JointDrift, RunInBackground, TurnData, VerificationData
 
-#: Maximum deviation in standard deviations; noise exceeds it with a probability of about 1e-8.
+#: Maximum deviation in standard deviations; noise exceeds it with a probability below 1e-7 per check.
 SIGMA_LIMIT = 6.0
 
 #: Maximum drift of a gimbal in standard deviations; noise exceeds it with a probability of 3e-4 per axis.

@@ -28,7 +28,7 @@ class GimbalDrive(TableDrive):
 
     @property
     def settled(self) -> float:
-        """Time from which the joints rest, s."""
+        """Time from which the joints are at rest, s."""
         return self.stream.end
 
     def move(

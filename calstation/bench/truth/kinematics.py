@@ -40,13 +40,13 @@ def joint_state(segments: FloatArray, rest_time: float, time: float) -> tuple[fl
         row += 1
     s = time - segments[row, 0]
     acceleration = segments[row, 3]
-    sag = acceleration / (DRIVE_FREQUENCY * DRIVE_FREQUENCY)
-    cosine_part = segments[row, 4] - sag
+    deflection = acceleration / (DRIVE_FREQUENCY * DRIVE_FREQUENCY)
+    cosine_part = segments[row, 4] - deflection
     sine_part = (segments[row, 5] + _DECAY * cosine_part) / _DAMPED
     envelope = np.exp(-_DECAY * s)
     c = np.cos(_DAMPED * s)
     n = np.sin(_DAMPED * s)
-    deviation = sag + envelope * (cosine_part * c + sine_part * n)
+    deviation = deflection + envelope * (cosine_part * c + sine_part * n)
     deviation_rate = envelope * (
         (_DAMPED * sine_part - _DECAY * cosine_part) * c - (_DAMPED * cosine_part + _DECAY * sine_part) * n
     )

@@ -126,7 +126,7 @@ class Simulator:
         )
 
     def _further(self, step: Step) -> Iterable[Samples]:
-        """Return the samples of another step; it takes no time."""
+        """Return the samples of a step of another kind, which takes no time."""
         return ()
 
     def _temperatures(self, seq: IntArray) -> FloatArray:

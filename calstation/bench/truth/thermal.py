@@ -154,7 +154,7 @@ class UnitThermal:
         return float(self._temperatures[0]) + self.offset if time >= self.jumps_until else -128.0
 
     def parameters(self, base: FloatArray) -> FloatArray:
-        """Return the present parameters, SI, shape (30,), of a unit with parameters `base` at 25 °C."""
+        """Return the current parameters, SI, shape (30,), of a unit with parameters `base` at 25 °C."""
         temperature, rate = self._temperatures[self._index], self._rates[self._index]
         loop = (temperature - self._play[self._index]) / _PLAY
         moving = self._settings.rate_term * _RATE_SHARE * 60.0 * self._slopes * rate

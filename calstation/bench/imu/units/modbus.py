@@ -31,7 +31,7 @@ COMMIT_WORD, RESET_WORD = 0x5A5A, 0xA5A5
 #: Calibration registers of each page, as (first, count).
 PAGES = {1: (100, 30), 2: (200, 27), 3: (300, 6)}
 
-#: Number of reads of the commit register, after a commit, until it returns ready.
+#: Number of reads of the commit register until it reports the end of a commit.
 _BUSY_READS = 2
 
 
