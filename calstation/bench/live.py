@@ -55,8 +55,10 @@ class LiveBench:
                 unit_table = self.truth.table
                 table = replace(first.truth.table, mount=unit_table.mount, orientation=unit_table.orientation)
                 self.truth = replace(self.truth, table=table, encoder=first.truth.encoder)
-        again = [config.interruptions] if config.interruptions else []  # a resumed run has different noise
-        stream_seed, encoder_seed, other_seed = np.random.SeedSequence([config.seed, 1, flash_cycles, *again]).spawn(3)
+        extra_seed = [config.interruptions] if config.interruptions else []  # a resumed run has different noise
+        stream_seed, encoder_seed, other_seed = np.random.SeedSequence(
+            [config.seed, 1, flash_cycles, *extra_seed]
+        ).spawn(3)
         self._random = np.random.default_rng(other_seed)
         if config.start_deg is None:
             outer, inner = self._random.uniform(-_MAX_START_ANGLE, _MAX_START_ANGLE, 2)

@@ -30,7 +30,7 @@ from calstation.schema import KeyPath, Problem, validate
 from procedures import method
 
 #: Finding for each error code of a station that lacks the rig that the product needs.
-_RIGS = {
+_RIG_FINDINGS = {
     "product.needs_manual_table": "needs_hands",
     "plan.needs_gimbal": "needs_gimbal",
     "product.needs_table": "needs_drive_not_gimbal",
@@ -49,7 +49,7 @@ def incompatibilities(setup: RunConfiguration) -> Iterator[Finding]:
         check_manual_rig(setup)
     except ManualRigError as error:
         rig = {"rig": setup.table.name, "product": product.name}
-        yield Finding(_RIGS.get(error.code, "needs_drive"), "warning", rig)
+        yield Finding(_RIG_FINDINGS.get(error.code, "needs_drive"), "warning", rig)
     needs_survey = needs_surveyed_gravity(setup.log_meta())
     contradiction = gravity_contradiction(site)
     if contradiction is not None:

@@ -13,13 +13,13 @@ from calstation.connection.identify import LinkSettings, identify
 from calstation.connection.port_lock import lock_ports
 from calstation.devices import Chamber
 from calstation.devices.chamber import ModbusChamber, TextChamber
-from calstation.devices.chamber import open_chamber as chamber_on
+from calstation.devices.chamber import open_chamber as open_chamber_driver
 from calstation.devices.imu import StreamedImu
-from calstation.devices.imu import open_imu as imu_on
+from calstation.devices.imu import open_imu as open_imu_driver
 from calstation.devices.links import Device, open_link, port_device, with_connection_reason
 from calstation.devices.profiles import ImuProfile, SerialSettings, TableProfile
 from calstation.devices.table import ManualTable, RegisterTable, SharedTable, TextTable
-from calstation.devices.table import open_table as table_on
+from calstation.devices.table import open_table as open_table_driver
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.messages import Text
 from calstation.sequencer import Clock
@@ -236,7 +236,7 @@ def open_table(setup: RunConfiguration, port: str) -> RegisterTable | TextTable:
         return SharedTable(open_imu(setup, port), table_profile(setup), owned=True)
     profile, serial = table_profile(setup), setup.station.table.serial
     with with_connection_reason("table", port, profile.timeout_s):
-        return table_on(port, profile, serial)
+        return open_table_driver(port, profile, serial)
 
 
 def open_chamber(setup: RunConfiguration, port: str) -> TextChamber | ModbusChamber:
@@ -246,13 +246,13 @@ def open_chamber(setup: RunConfiguration, port: str) -> TextChamber | ModbusCham
         raise ConfigurationError("connection.no_chamber", station=setup.station.name)
     profile = setup.chamber.at_station(section.timeout_s)
     with with_connection_reason("chamber", port, profile.section.timeout_s):
-        return chamber_on(port, profile, section.serial)
+        return open_chamber_driver(port, profile, section.serial)
 
 
 def open_imu(setup: RunConfiguration, port: str) -> StreamedImu:
     """Open the IMU on its port without starting its stream. Raises DeviceFaultError or ConfigurationError."""
     link = open_link(port, imu_settings(setup))
-    return imu_on(link, imu_profile(setup), setup.request.serial)
+    return open_imu_driver(link, imu_profile(setup), setup.request.serial)
 
 
 def link_settings(setup: RunConfiguration, ports: Endpoints) -> LinkSettings:

@@ -41,13 +41,13 @@ def open_imu_session(
     progress: ProgressCallback, setup: RunConfiguration, check_cancelled: Callable[[], None] = lambda: None
 ) -> Iterator[ImuSession]:
     """Open and identify only the IMU, and close it on exit. Raises DeviceFaultError or ConfigurationError."""
-    with endpoints((setup,), check_cancelled) as at:
+    with endpoints((setup,), check_cancelled) as ports:
         progress(0.1)
-        with closing(open_imu(setup, at.imu)) as imu:
-            at.clock.attach(lambda: {0: imu.received})
+        with closing(open_imu(setup, ports.imu)) as imu:
+            ports.clock.attach(lambda: {0: imu.received})
             identity = imu.identify()
             progress(0.4)
-            yield ImuSession(imu, identity, at.clock)
+            yield ImuSession(imu, identity, ports.clock)
 
 
 def capture_rest(session: ImuSession, setup: RunConfiguration, check_cancelled: Callable[[], None]) -> VerificationData:

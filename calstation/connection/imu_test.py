@@ -45,7 +45,7 @@ class ImuTest:
 
     imu: StreamedImu
     setup: RunConfiguration
-    at: Endpoints
+    ports: Endpoints
     settings: SerialSettings
     progress: ProgressCallback
 
@@ -79,7 +79,7 @@ class ImuTest:
 
     def _stream(self) -> Iterator[Finding]:
         """Wait until the unit is ready, and yield the findings on its stream."""
-        imu, clock, profile = self.imu, self.at.clock, self.setup.imu
+        imu, clock, profile = self.imu, self.ports.clock, self.setup.imu
         yield Finding("judged_as", "info", {"product": self.setup.product.name, "profile": profile.name})
         clock.attach(lambda: {0: imu.received})
         begin = clock.now()
@@ -117,7 +117,7 @@ class ImuTest:
 
     def _listen(self) -> tuple[list[SampleBatch], float, float]:
         """Return the batches that arrive within `_STREAM_TIME`, the time that passed, s, and the rate, samples/s."""
-        clock, begin, parts, arrivals = self.at.clock, self.at.clock.now(), list[SampleBatch](), list[float]()
+        clock, begin, parts, arrivals = self.ports.clock, self.ports.clock.now(), list[SampleBatch](), list[float]()
         while (passed := clock.now() - begin) < _STREAM_TIME:
             clock.sleep(_BURST_SLICE)
             if len(part := self.imu.read()):
@@ -167,7 +167,7 @@ class ImuTest:
 
     def _silence_finding(self, words: Value) -> Finding:
         stats, profile = self.imu.stats, self.setup.imu
-        line = line_values(self.at.imu, self.settings)
+        line = line_values(self.ports.imu, self.settings)
         counts = {"bytes": stats.bytes, "frames": stats.frames, "errors": stats.crc_errors}
         values = {"words": words, "profile": profile.name, "line": profile.link.line, **counts, **line}
         if stats.bytes == 0:

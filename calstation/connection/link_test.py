@@ -63,51 +63,51 @@ def check_table_link(progress: ProgressCallback, request: LinkTestRequest) -> Re
     setup = link_test_configuration(request)
     if setup.table.by_hand:
         return Report("table", (Finding("by_hand", "ok", {"name": setup.table.name}),))
-    with open_endpoints(progress, setup) as at:
+    with open_endpoints(progress, setup) as ports:
         progress(0.3, note="opening")
         settings = setup.station.table.serial or setup.table.serial
         profile = table_profile(setup)
         try:
-            table = open_table(setup, at.table)
+            table = open_table(setup, ports.table)
         except (DeviceFaultError, ConfigurationError) as exc:
-            return Report("table", (_not_opened_finding(at.table, settings, profile.timeout_s, exc),))
+            return Report("table", (_not_opened_finding(ports.table, settings, profile.timeout_s, exc),))
         with closing(table):
-            findings = [_opened_finding(at.table), *query_table(table, profile, settings, at.table, progress)]
-        findings.extend(_search_table_port(setup, at, findings, progress))
+            findings = [_opened_finding(ports.table), *query_table(table, profile, settings, ports.table, progress)]
+        findings.extend(_search_table_port(setup, ports, findings, progress))
     return Report("table", tuple(findings))
 
 
 def check_imu_link(progress: ProgressCallback, request: LinkTestRequest) -> Report:
     """Test the link to the IMU. Raises CalstationError if a profile cannot be read."""
     setup = link_test_configuration(request)
-    with open_endpoints(progress, setup) as at:
+    with open_endpoints(progress, setup) as ports:
         progress(0.2, note="opening")
         settings = imu_settings(setup)
         try:
-            imu = open_imu(setup, at.imu)
+            imu = open_imu(setup, ports.imu)
         except (DeviceFaultError, ConfigurationError) as exc:
-            return Report("imu", (_not_opened_finding(at.imu, settings, imu_profile(setup).timeout_s, exc),))
+            return Report("imu", (_not_opened_finding(ports.imu, settings, imu_profile(setup).timeout_s, exc),))
         with closing(imu):
-            findings = [_opened_finding(at.imu), *ImuTest(imu, setup, at, settings, progress).findings()]
+            findings = [_opened_finding(ports.imu), *ImuTest(imu, setup, ports, settings, progress).findings()]
         if any(finding.id in ("gravity", "wrong_gravity") for finding in findings):
             findings.extend(incompatibilities(setup))
-        findings = _with_line_finding(setup, at, findings)
-        findings.extend(_search_imu_port(setup, at, findings, progress))
+        findings = _with_line_finding(setup, ports, findings)
+        findings.extend(_search_imu_port(setup, ports, findings, progress))
     return Report("imu", tuple(findings))
 
 
 def check_chamber_link(progress: ProgressCallback, request: LinkTestRequest) -> Report:
     """Test the link to the chamber, which is only queried. Raises CalstationError, for example without a chamber."""
     setup = link_test_configuration(request)
-    with open_endpoints(progress, setup) as at:
+    with open_endpoints(progress, setup) as ports:
         progress(0.3, note="opening")
         try:
-            chamber = open_chamber(setup, at.chamber)
+            chamber = open_chamber(setup, ports.chamber)
         except DeviceFaultError as exc:
             return Report("chamber", (Finding("chamber_silent", "error", {"words": exc.as_text}),))
         with closing(chamber):
             progress(0.6, note="asking")
-            return Report("chamber", (_opened_finding(at.chamber), *_chamber_findings(chamber)))
+            return Report("chamber", (_opened_finding(ports.chamber), *_chamber_findings(chamber)))
 
 
 def _chamber_findings(chamber: Chamber) -> Iterator[Finding]:
@@ -160,10 +160,10 @@ def open_endpoints(progress: ProgressCallback, setup: RunConfiguration) -> Abstr
 
 
 def _search_table_port(
-    setup: RunConfiguration, at: Endpoints, findings: list[Finding], progress: ProgressCallback
+    setup: RunConfiguration, ports: Endpoints, findings: list[Finding], progress: ProgressCallback
 ) -> Iterator[Finding]:
     """Yield a finding if another device replies at the port of the table."""
-    link, ids = link_settings(setup, at), {finding.id for finding in findings}
+    link, ids = link_settings(setup, ports), {finding.id for finding in findings}
     if ids & _SUGGEST_IMU:
         progress(0.6, note="listening_around")
         if link.two_lines and imu_on_table_port(link):
@@ -196,26 +196,26 @@ def _units_finding(units: list[DetectedUnit]) -> Finding:
 
 
 def _search_imu_port(
-    setup: RunConfiguration, at: Endpoints, findings: list[Finding], progress: ProgressCallback
+    setup: RunConfiguration, ports: Endpoints, findings: list[Finding], progress: ProgressCallback
 ) -> Iterator[Finding]:
     """Yield a finding if the table replies at the port of the IMU, or if the IMU streams at another baud rate."""
-    link, ids = link_settings(setup, at), {finding.id for finding in findings}
+    link, ids = link_settings(setup, ports), {finding.id for finding in findings}
     if ids & {"silent", "no_frames"} and link.two_lines and not setup.table.by_hand:
         progress(0.4, note="listening_around")
         if table_on_imu_port(link):
             yield Finding("tables_line", "info")
             return
-    if "no_frames" in ids and "://" not in at.imu:
-        yield from find_baud_rate(at.imu, link.imu_serial, link.imu, progress)
+    if "no_frames" in ids and "://" not in ports.imu:
+        yield from find_baud_rate(ports.imu, link.imu_serial, link.imu, progress)
 
 
-def _with_line_finding(setup: RunConfiguration, at: Endpoints, findings: list[Finding]) -> list[Finding]:
+def _with_line_finding(setup: RunConfiguration, ports: Endpoints, findings: list[Finding]) -> list[Finding]:
     """Replace a general finding by a specific finding on a received line of a text protocol."""
     index = next((i for i, finding in enumerate(findings) if finding.id in _REPLACED_BY_LINE), None)
     if index is None or setup.imu.frame.format != "text":
         return findings
     try:
-        with closing(open_link(at.imu, imu_settings(setup))) as link:
+        with closing(open_link(ports.imu, imu_settings(setup))) as link:
             wrong = diagnose_text(setup.imu.frame, listen(link, LISTEN_TIME))
     except CalstationError:
         return findings

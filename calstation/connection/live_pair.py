@@ -201,9 +201,9 @@ def open_pair(
     check_cancelled : called while a bench starts; may raise
     """
     with ExitStack() as stack:
-        at = stack.enter_context(endpoints(setup, check_cancelled))
+        ports = stack.enter_context(endpoints(setup, check_cancelled))
         units = []
-        for unit, port in zip(setup.units, at.imus, strict=True):
+        for unit, port in zip(setup.units, ports.imus, strict=True):
             check_cancelled()
             units.append(_LiveImu(unit, port))
             stack.callback(units[-1].close)
@@ -211,10 +211,10 @@ def open_pair(
         for number, serial in enumerate(serials, 1):
             if not serial:
                 raise ConfigurationError("connection.pair_serial_missing", number=number)
-        at.clock.attach(lambda: {index: unit.imu.received for index, unit in enumerate(units)})
+        ports.clock.attach(lambda: {index: unit.imu.received for index, unit in enumerate(units)})
         primary = setup.primary.imu
         registers = units[0].imu.read_registers() if primary.registers else {}
         meta = setup.log_meta(serials, registers)
         executor = stack.enter_context(ThreadPoolExecutor(1, "fit"))
         session = PairSession(meta, folder, setup.primary.sources["station"].path, executor.submit)
-        yield LivePair(session, units, [unit.imu.status for unit in setup.units], at.clock)
+        yield LivePair(session, units, [unit.imu.status for unit in setup.units], ports.clock)

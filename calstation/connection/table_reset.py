@@ -92,11 +92,11 @@ def reset_table(progress: ProgressCallback, request: LinkTestRequest) -> TableRe
 @contextmanager
 def _identified(progress: ProgressCallback, request: LinkTestRequest) -> Iterator[tuple[Table, TableIdentity]]:
     setup = link_test_configuration(request)
-    with open_endpoints(progress, setup) as at:
-        table = open_table(setup, at.table)
+    with open_endpoints(progress, setup) as ports:
+        table = open_table(setup, ports.table)
         with closing(table):
             progress(0.5, note="asking")
-            yield table, identify(table, None, link_settings(setup, at))
+            yield table, identify(table, None, link_settings(setup, ports))
 
 
 def reset(table: Table) -> TableReset:

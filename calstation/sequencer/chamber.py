@@ -136,7 +136,7 @@ class ChamberControl:
         self._chamber, self._clock, self._emit = chamber, clock, emit
         self._set_point = self._expected = math.nan  #: Last set point sent, and set point at the last poll, °C.
         self._rate = limits.max_rate
-        self._led_at = self._polled_at = -math.inf
+        self._set_point_time = self._polled_at = -math.inf
         #: Times, s, temperatures of the air, °C, and its distances from the set point, K, since the last target.
         self._air: deque[tuple[float, float, float]] = deque()
         self._units: Mapping[str, float] = {}
@@ -166,7 +166,7 @@ class ChamberControl:
         self._check_state()
         low, high = self.limits.range
         present = min(max(self.status.air_c, low), high)
-        self._aim(present, self.limits.max_rate)
+        self._set_target(present, self.limits.max_rate)
         self._has_begun = True
         self._send(present)
         self._chamber.start()
@@ -179,7 +179,7 @@ class ChamberControl:
     def ramp(self, temperature: float, rate: float) -> None:
         """Move the set point to a temperature, °C, at a rate, K/s, and stay there."""
         self.limits.check(temperature, rate)
-        self._aim(temperature, rate)
+        self._set_target(temperature, rate)
 
     def update(self, units: Mapping[str, float]) -> None:
         """Move the set point and poll the chamber when due; `units` are the units' temperatures by slot, °C.
@@ -213,7 +213,7 @@ class ChamberControl:
         """
         if not self._has_begun:
             return []
-        self._aim(self.limits.ambient, self.limits.max_rate)
+        self._set_target(self.limits.ambient, self.limits.max_rate)
         self._pending = None
         failures: list[Text] = []
         attempt(lambda: self._send(self.limits.ambient), failures)
@@ -287,9 +287,9 @@ class ChamberControl:
     def _distance(self) -> float:
         return abs(self.status.air_c - self._set_point)
 
-    def _aim(self, temperature: float, rate: float) -> None:
+    def _set_target(self, temperature: float, rate: float) -> None:
         self.target, self._rate = temperature, rate
-        self._led_at = self._clock.now()
+        self._set_point_time = self._clock.now()
         self._air.clear()
 
     def _send(self, temperature: float) -> None:
@@ -299,7 +299,7 @@ class ChamberControl:
     def _begin_poll(self) -> _Poll:
         """Request the state, and move the set point along the ramp."""
         now = self._clock.now()
-        step, gap = self._rate * (now - self._led_at), self.target - self._set_point
+        step, gap = self._rate * (now - self._set_point_time), self.target - self._set_point
         point = None
         if gap and abs(gap) <= step:
             point = self.target
@@ -318,7 +318,7 @@ class ChamberControl:
         """Wait for the reply, and emit the state. Raises DeviceFaultError."""
         self.status, self._expected = poll.status.result(), self._set_point
         if poll.set_point is not None:
-            self._set_point, self._led_at = poll.set_point, max(self._led_at, poll.time)
+            self._set_point, self._set_point_time = poll.set_point, max(self._set_point_time, poll.time)
         self._polled_at = poll.time
         self._units = {slot: value for slot, value in units.items() if math.isfinite(value)}
         self._air.append((poll.time, self.status.air_c, self._distance))

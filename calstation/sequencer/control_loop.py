@@ -45,7 +45,7 @@ class ControlLoop:
         self.chamber: ChamberControl | None = None
         if context.chamber is not None and context.task.chamber is not None:
             self.chamber = ChamberControl(context.chamber, context.task.chamber, context.clock, context.emit)
-        self._leads_chamber = False
+        self._controls_chamber = False
 
     def begin_chamber(self) -> None:
         """Start the chamber at its present temperature. Raises DeviceFaultError."""
@@ -53,7 +53,7 @@ class ControlLoop:
             with self.units.attributing_errors_to_table():
                 self.chamber.begin()
             self.tags.chamber = self.chamber.status.air_c
-            self._leads_chamber = True
+            self._controls_chamber = True
 
     def tick(self) -> None:
         """Let one tick of station time pass, then call `update`."""
@@ -111,7 +111,7 @@ class ControlLoop:
                 self.context.table.heartbeat()
             self._fed_at = now
         self.units.each(Unit.service)
-        if self.chamber is not None and self._leads_chamber:
+        if self.chamber is not None and self._controls_chamber:
             with self.units.attributing_errors_to_table():
                 self.chamber.update(self.units.temperatures())
             self.tags.chamber = self.chamber.status.air_c

@@ -103,8 +103,8 @@ class Changes:
             if np.abs(rate).max() > _MIN_TURN_RATE:
                 self._angle = self._angle + rate * self._interval
             elif self._angle.any():
-                far = np.abs(self._angle) > _MIN_TURN_ANGLE
-                self._last_turn_senses = np.where(far, np.sign(self._angle), self._last_turn_senses)
+                has_turned = np.abs(self._angle) > _MIN_TURN_ANGLE
+                self._last_turn_senses = np.where(has_turned, np.sign(self._angle), self._last_turn_senses)
                 self._angle = np.zeros(3)
             senses[n] = self._last_turn_senses
         return senses
