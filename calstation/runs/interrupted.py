@@ -150,7 +150,7 @@ def find_chamber_left(progress: ProgressCallback, folder: Path, station: Path | 
 
 
 def _left_chamber(run: RunRecord) -> bool:
-    """Return whether a run used the chamber, but its log does not state that the chamber may be opened."""
+    """Return whether a run used the chamber and left it at an unknown temperature, according to its log."""
     try:
         if being_written(run.log):
             return False

@@ -208,7 +208,7 @@ class RunStart:
         return [refusal for s in self._setups if (refusal := attempts_used(s, self._history)) is not None]
 
     def _ask_passed(self) -> Question | None:
-        used_up = self._attempts_used() if self.request.beyond_attempts else []  # otherwise `_ask_attempts` refuses
+        used_up = self._attempts_used() if self.request.beyond_attempts else []  # otherwise, `_ask_attempts` found none
         failed = {refusal.values["serial"] for refusal in used_up}
         units = [s.request.serial for s in self._setups if s.check_standard is None]
         passed = [run for serial in units if serial not in failed and (run := self._history.passed_before(serial))]

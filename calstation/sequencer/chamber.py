@@ -151,7 +151,7 @@ class ChamberControl:
 
     @property
     def remaining(self) -> float:
-        """Estimated time until the air reaches the target, s, without settling."""
+        """Estimated time until the target is reached, s, without settling."""
         gap = self._distance if self._set_point == self.target else abs(self.target - self._set_point)
         return 0.0 if self.arrived else gap / self._rate
 

@@ -1,4 +1,4 @@
-"""The registers of a Watlow F4: tenths of a degree, event output 1 switches the chamber."""
+"""The registers of a Watlow F4: temperatures in tenths of a degree; event output 1 switches the chamber on and off."""
 
 import struct
 

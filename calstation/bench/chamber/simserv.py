@@ -1,4 +1,4 @@
-"""The protocol Simserv: a request is fields separated by 0xB6 and a CR; a reply begins with 1 or an error code."""
+"""The protocol Simserv: requests have fields separated by 0xB6 and end with CR; replies begin with a status code."""
 
 from collections.abc import Callable
 

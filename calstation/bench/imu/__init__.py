@@ -1,4 +1,4 @@
-"""The processor of a simulated unit: registers, flash, protocols and stream faults; `bench.truth` has the sensors."""
+"""The processor of a simulated unit: registers, flash, protocols and stream faults; sensors are in `bench.truth`."""
 
 from calstation.bench.imu.stream_faults import StreamFaults
 from calstation.bench.imu.unit import ImuUnit, count_flash_cycles

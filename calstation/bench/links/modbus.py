@@ -19,7 +19,7 @@ from pymodbus.pdu.register_message import (
 
 from calstation.bench.table import NoSuchRegister, OutOfRange, Refusal
 
-#: Modbus exceptions by the refusal of a unit; other refusals are DEVICE_FAILURE.
+#: Modbus exception for each refusal of a unit; for other refusals, it is DEVICE_FAILURE.
 _EXCEPTIONS = {NoSuchRegister: ExcCodes.ILLEGAL_ADDRESS, OutOfRange: ExcCodes.ILLEGAL_VALUE}
 
 

@@ -46,7 +46,7 @@ class SerialLink:
     def __init__(self, port: str, settings: SerialSettings, device: Device) -> None:
         self.port = port
         self.device = device
-        self.received_at = time.monotonic()  #: Time at which the last bytes were read, s.
+        self.received_at = time.monotonic()  #: Time of the last read, s.
         name = port_device(port, device)
         try:
             self._serial = open_serial(name, settings)

@@ -104,8 +104,9 @@ class TextLink:
     """The link to a table or chamber with text commands. The class is not thread-safe.
 
     Because a reply rarely identifies its line, a late reply could be mistaken for the reply to the next line. After an
-    unanswered line, a query with a distinct reply is therefore sent, and all other replies are discarded. Whenever the
-    link is opened, the device is identified before any command is sent. `received` contains the bytes received last.
+    unanswered line, a query with a distinct reply is therefore sent, and all other replies are discarded. After the
+    link was opened again, the device is identified before any command is sent. `received` contains the bytes received
+    last.
     """
 
     def __init__(self, port: str, section: LineSection, serial: SerialSettings, device: Device = "table") -> None:
@@ -175,7 +176,7 @@ class TextLink:
         return SerialLink(url, self._serial, self._device)
 
     def _is_identified(self) -> bool:
-        """Return whether the device has been identified since the link was opened."""
+        """Return whether the link is open, and was opened for the first time or identified since."""
         return self._link is not None and not self._needs_identification
 
     def _synchronise(self) -> bool:

@@ -145,7 +145,7 @@ class TextTable(Table):
         return answers
 
     def _ask(self, name: str) -> list[str]:
-        """Return the replies to a query, one for each axis if its line has {axis}. Raises UnexpectedReplyError."""
+        """Return the replies to a query, one for each axis if its line has {axis}. Raises DeviceFaultError."""
         query = self._text.queries[name]
         replies = []
         for axis in self._text.axes if "{axis}" in query.send else [""]:
