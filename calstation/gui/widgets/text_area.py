@@ -33,7 +33,10 @@ class TextArea(QScrollArea):
         for top, bottom in sorted(self._lines(), reverse=True):
             if top < end < bottom:
                 end = top
-        cut = lowest - end if lowest - end < space // 2 else 0
+        content = self.widget()
+        # where all of the text fits, a cut would show the scroll bar, without which the text fits again, and so on
+        scrolls = content is not None and content.height() > space
+        cut = lowest - end if scrolls and lowest - end < space // 2 else 0
         if cut != self.viewportMargins().bottom():
             self.setViewportMargins(0, 0, 0, cut)
 
