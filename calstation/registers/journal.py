@@ -56,12 +56,13 @@ class Purpose:
     why: str
     source: str
     unit_type: UnitType = field(default_factory=UnitType)
+    station: str | None = None  #: Name of the station; None in journals of earlier versions.
 
     @classmethod
     def of(cls, setup: RunConfiguration, model: str, why: str, source: str) -> "Purpose":
         """Return the purpose of a transfer by the operator of a configuration to a unit that reports `model`."""
         unit_type = UnitType(model, setup.imu.name, setup.product.name, map_digest(setup.imu.registers))
-        return cls(setup.request.operator, why, source, unit_type)
+        return cls(setup.request.operator, why, source, unit_type, setup.station.name)
 
 
 def map_digest(registers: list[RegisterEntry]) -> str:
@@ -85,6 +86,7 @@ class _Intended(BaseModel):
     why: str
     source: str
     unit_type: UnitType
+    station: str | None = None
 
 
 class _StepTaken(BaseModel):
@@ -120,6 +122,7 @@ class Transfer:
     why: str
     source: str
     unit_type: UnitType = field(default_factory=UnitType)
+    station: str | None = None
     steps: list[str] = field(default_factory=list)
     closing: str | None = None
 

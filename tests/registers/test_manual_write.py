@@ -15,7 +15,7 @@ from calstation.registers.unit_registers import compose
 from calstation.results import Result
 from tests.helpers import ignore_progress, raises_code
 from tests.registers.operations import RegisterOperations
-from tests.site_folder import SiteFolder
+from tests.site_folder import STATION, SiteFolder
 
 SERIAL = "SN-000042"
 
@@ -58,6 +58,7 @@ def test_unit_contains_the_written_values(unit: SiteFolder) -> None:
     assert again.commits == 1
     (entry,) = history(runs, SERIAL)
     assert (entry.by, entry.why, entry.source, entry.closing) == ("tester", "hand", "x.h5", "done")
+    assert entry.station == STATION["name"]
     assert entry.old == before.values
     assert entry.new == after.values
 

@@ -28,6 +28,7 @@ from calstation.records import (
     audit_path,
 )
 from calstation.records.run_index import FILE
+from calstation.registers import Purpose
 from calstation.results import (
     History,
     altered_entry,
@@ -624,3 +625,11 @@ def test_startup_names_only_transfers_that_were_left_at_this_station(tmp_path: P
     recovery = recover_at_startup(lambda *_: None, tmp_path, None)
     assert recovery.unverified == (("SN-7",) if case == "left" else ())
     del writer
+
+
+@pytest.mark.parametrize(("station", "named"), [(None, True), ("here", True), ("elsewhere", False)])
+def test_startup_names_a_transfer_by_hand_only_at_its_station(tmp_path: Path, station: str | None, named: bool) -> None:
+    name = load_station(None)[1].name if station == "here" else station
+    write_open_transfer(tmp_path, "SN-7", purpose=Purpose("Li Na", "hand", "a.h5", station=name))
+    recovery = recover_at_startup(lambda *_: None, tmp_path, None)
+    assert recovery.unverified == (("SN-7",) if named else ())
