@@ -774,6 +774,21 @@ def scan_after_click(operator: Operator, name: str, text: str, *, extend: bool =
     return edit
 
 
+@pytest.mark.parametrize("accepted", [True, False])
+def test_accepted_suggestion_stays_when_the_product_is_saved(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch, accepted: bool
+) -> None:
+    edit, passed = operator.widget("serial_edit", QLineEdit), {"SN-000001"}
+    monkeypatch.setattr(History, "passed_units", lambda _: passed)
+    operator.window.app.product_changed.emit()
+    assert edit.text() == "SN-000002"
+    if accepted:
+        operator.qtbot.keyClick(edit, Qt.Key.Key_Return)
+    passed.clear()
+    operator.window.app.product_changed.emit()
+    assert edit.text() == ("SN-000002" if accepted else "SN-000001")
+
+
 @pytest.mark.parametrize("pattern", [r"SN-\d{6}", ".*"])
 def test_scan_replaces_the_number_and_two_numbers_in_one_are_refused(operator: Operator, pattern: str) -> None:
     operator.site_folder.write({"serial_pattern": pattern})

@@ -54,6 +54,7 @@ class RunStarter(QObject):
         self.slots = app.slots
         #: Serial number that the virtual bench suggested last; "" after the user has entered one.
         self._suggested = ""
+        self._accepted = False  #: Whether this number has been accepted, as one that the user enters.
         #: Why the entered serial number was refused; None if it was not.
         self.refused: Text | None = None
         self.interrupted = InterruptedRuns(app, header, notice, self._resume)
@@ -92,13 +93,14 @@ class RunStarter(QObject):
     def suggest(self) -> None:
         """On the virtual bench, fill empty fields or slots with the serial numbers of units that have not passed yet.
 
-        Earlier suggestions are removed. While verdicts are displayed, other units are suggested. None is suggested
-        after a failed or incomplete run of a single unit, which may be repeated, or for slots while a question about
-        an interrupted run is open.
+        Earlier suggestions are removed unless they were accepted. While verdicts are displayed, other units are
+        suggested. None is suggested after a failed or incomplete run of a single unit, which may be repeated, or for
+        slots while a question about an interrupted run is open.
         """
         header, run, slots = self._header, self._app.run, self.slots
         self.refused = None
-        if self._suggested and header.serial == self._suggested:
+        is_virtual = self.run_summary is not None and self.run_summary.virtual
+        if self._suggested and header.serial == self._suggested and not (self._accepted and is_virtual):
             header.set_serial("")
         slots.remove_units(only_suggested=True)
         displayed = [unit.serial for unit in run.units] if run.ended or run.fault is not None else []
@@ -114,7 +116,7 @@ class RunStarter(QObject):
             if slots:
                 slots.suggest(lambda: suggested_serial(summary, unsuitable))
             else:
-                self._suggested = suggested_serial(summary, unsuitable)
+                self._suggested, self._accepted = suggested_serial(summary, unsuitable), False
                 header.set_serial(self._suggested)
         self._note_next()
 
@@ -408,6 +410,7 @@ class RunStarter(QObject):
             self._note_next(accepted=True)
             self._await_start() if slots.full else header.focus_scan()
             return True
+        self._accepted = True
         self._app.claim(header.serial)
         earlier = EarlierRuns.of(self._app.history(), header.serial)
         header.note_serial(say(earlier.note), accepted=True)
