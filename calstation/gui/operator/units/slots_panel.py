@@ -40,6 +40,7 @@ class _SlotTile(Tile):
         # serial numbers differ at their end
         self._last_icon, self._last = StateIcon(16), ElidedLabel("muted", Qt.TextElideMode.ElideMiddle)
         self._serial, self._note = ElidedLabel(), ElidedLabel("muted")
+        self._note.setWordWrap(True)
         self._serial.setFont(theme.font(_TALL_SIZE if tall else theme.SECTION, bold=True))
         self.action = button(f"{prefix}slot_{slot.name}_button", pressed=self._act)
         # after a click on the button, the keys of a scan must not press it
