@@ -54,6 +54,7 @@ from calstation.gui.widgets import (
     JobWatch,
     ParameterSet,
     StateBadge,
+    theme,
 )
 from calstation.jobs import Job
 from calstation.judgement import Check
@@ -165,6 +166,14 @@ class Engineer(Operator):
 def engineer(window: Any, qtbot: Any, site_folder: SiteFolder) -> Engineer:
     """The engineer page with the short product, in the role of an operator."""
     return Engineer(window, qtbot, site_folder).open_page()
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_hint_in_the_name_field_is_not_cut(engineer: Engineer, code: str) -> None:
+    engineer.window.app.set_language(code)
+    edit = engineer.widget("engineer_name_edit", QLineEdit)
+    room = edit.width() - 2 * theme.GRID
+    assert edit.fontMetrics().horizontalAdvance(edit.placeholderText()) <= room
 
 
 def number(text: str) -> float:

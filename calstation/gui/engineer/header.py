@@ -26,7 +26,7 @@ class EngineerHeader(QWidget):
         self.serial_edit.setFixedWidth(24 * theme.GRID)
         bind(self.serial_edit.setPlaceholderText, "engineer.scan_or_type")
         self.engineer_edit = line_edit(
-            "engineer_name_edit", width=20 * theme.GRID, longest=40, hint="engineer.name_tip"
+            "engineer_name_edit", width=20 * theme.GRID, longest=40, hint="engineer.name_hint"
         )
         self.serial_edit.returnPressed.connect(self.serial_entered)
         for edit in (self.serial_edit, self.engineer_edit):
