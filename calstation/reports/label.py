@@ -1,21 +1,23 @@
 """Labels for units that passed, from a ZPL template for a label printer or from a Typst template for a PDF."""
 
+import hashlib
 import io
 import socket
 import string
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
-from calstation.config import library, load_product, load_station
+from calstation.config import Confirmation, library, load_product, load_station, site_folder
 from calstation.devices.links import host_and_port
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
 from calstation.escaping import for_zpl
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, local_time, os_reason
-from calstation.records import IssuedReport, Verdict, issued_reports, open_log, write_atomic
+from calstation.records import IssuedReport, Verdict, append_audit, issued_reports, open_log, write_atomic
 from calstation.registers import run_registers
 from calstation.reports.content import certificate_number
 from calstation.reports.pdf import compile_template
@@ -46,11 +48,25 @@ def product_label(result: Result) -> Path | None:
     return None if product.label is None else library.find_beside(path, product.label)
 
 
-def print_label(report: ProgressCallback, result_file: Path, station: Path | None) -> Path | None:
+def print_label(
+    report: ProgressCallback, result_file: Path, station: Path | None, author: Confirmation | None = None
+) -> Path | None:
     """Job: print the label of a run or, for a Typst template, return a PDF file in ``labels`` next to the runs.
 
-    Raises InputError if the run has no label or the template cannot be filled in, ConfigurationError if the station has
-    no printer, or DeviceFaultError if the printer cannot be reached.
+    The audit trail records the label before it is printed.
+
+    Parameters
+    ----------
+    report : callback for the progress
+    result_file : result of the run
+    station : station file with the printer; None for the default
+    author : person who prints the label; None for the program
+
+    Raises
+    ------
+    InputError : if the run has no label or the template cannot be filled in.
+    ConfigurationError : if the station has no printer, or the audit trail was changed or cannot be written.
+    DeviceFaultError : if the printer cannot be reached.
     """
     result = load_run_result(result_file, require_log=True)
     result = result.model_copy(update={"simulated": was_simulated(result, result_file)})
@@ -67,11 +83,19 @@ def print_label(report: ProgressCallback, result_file: Path, station: Path | Non
         raise InputError("label.log_changed", serial=result.serial, log=log)
     if {*result.not_compared} - {*result.unobservable}:  # no stage estimates them, and no earlier calibration either
         raise InputError("label.not_judged", serial=result.serial, names=result.unjudged)
+
+    def record(**values: Any) -> None:
+        people = author or Confirmation("")
+        simulated = {"simulated": True} if result.simulated else {}
+        values = {"serial": result.serial, "run": certificate_number(result), **simulated, **values, "pin": people.pin}
+        append_audit(site_folder(), "label_printed", people.by, **values)
+
     if template.suffix == ".zpl":
-        _print_text(_fill_template(template, label_fields(result, result_file.parent)), station)
+        _print_text(_fill_template(template, label_fields(result, result_file.parent)), station, record)
         return None
     pdf = result_file.absolute().parent.parent / "labels" / f"{result_file.stem}.pdf"
     content = _compile_pdf(template, result, label_fields(result, result_file.parent))
+    record(file=pdf.name, sha256=hashlib.sha256(content).hexdigest())
     try:
         pdf.parent.mkdir(exist_ok=True)
         write_atomic(pdf, content)
@@ -89,14 +113,16 @@ class PrintedLabels:
     cautions: list[Text] = field(default_factory=list)  #: What to know about the labels that were printed.
 
 
-def print_labels(report: ProgressCallback, result_files: Sequence[Path], station: Path | None) -> PrintedLabels:
+def print_labels(
+    report: ProgressCallback, result_files: Sequence[Path], station: Path | None, author: Confirmation | None = None
+) -> PrintedLabels:
     """Job: print the labels of several runs, up to an error of the printer; see `print_label`."""
     printed = PrintedLabels([])
     for number, result_file in enumerate(result_files):
         report(number / len(result_files))
         try:
             caution = _replaced_registers(load_result(result_file), result_file.parent)
-            pdf = print_label(report, result_file, station)
+            pdf = print_label(report, result_file, station, author)
         except InputError as error:
             printed.errors[result_file] = error.as_text
         except CalstationError as error:
@@ -168,13 +194,15 @@ def _fill_template(template: Path, texts: Mapping[str, str]) -> str:
         raise InputError("label.not_a_template", file=template, detail=str(exc)) from exc
 
 
-def _print_text(text: str, station: Path | None) -> None:
+def _print_text(text: str, station: Path | None, record: Callable[..., None]) -> None:
+    """Send a text to the printer of the station; `record` is called with its address before."""
     path, config = load_station(station)
     address = None if config.label is None else host_and_port(config.label.printer)
     if config.label is None or address is None:
         raise ConfigurationError("label.no_printer", station=path)
     try:
         with socket.create_connection(address, timeout=_TIMEOUT_S) as connection:
+            record(printer=config.label.printer)
             connection.sendall(text.encode())
     except OSError as exc:
         raise DeviceFaultError(

@@ -10,8 +10,9 @@ from PySide6.QtCore import QPoint
 from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QLineEdit, QPushButton, QScrollBar, QWidget
 
-from calstation.config import ConfirmationRequired, RunRequest, computer_user
+from calstation.config import Confirmation, ConfirmationRequired, RunRequest, computer_user
 from calstation.gui.operator.production import document_buttons
+from calstation.gui.state.slots import EarlierRuns
 from calstation.gui.text import say
 from calstation.gui.widgets import ElidedLabel, StateIcon
 from calstation.jobs import ProgressCallback
@@ -361,8 +362,9 @@ def test_unit_interrupted_before_the_window_was_opened_is_entered_in_its_slot(op
     assert "SN-000050 is entered in slot 3" in operator.says()
 
 
-def label_of(report: ProgressCallback, files: list[Path], station: Path | None) -> PrintedLabels:
+def label_of(report: ProgressCallback, files: list[Path], station: Path | None, author: Confirmation) -> PrintedLabels:
     """Job: stand in for the labels of results."""
+    assert author.by, "the trail names the person"
     return PrintedLabels([Path("labels", f"{path.stem}.pdf") for path in files])
 
 
@@ -388,7 +390,9 @@ def documents(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(document_buttons, name, job)
 
 
-def printer_is_off(report: ProgressCallback, files: list[Path], station: Path | None) -> PrintedLabels:
+def printer_is_off(
+    report: ProgressCallback, files: list[Path], station: Path | None, author: Confirmation
+) -> PrintedLabels:
     """Job: stand in for labels without a printer."""
     return PrintedLabels([], dict.fromkeys(files, Text.of("log.not_found", file=str(files[0]))))
 
@@ -420,7 +424,9 @@ def test_focus_is_on_no_other_document_after_a_label_was_not_printed(operator: O
     assert operator.window.focusWidget() is operator.widget("serial_edit")
 
 
-def printer_is_on(report: ProgressCallback, files: list[Path], station: Path | None) -> PrintedLabels:
+def printer_is_on(
+    report: ProgressCallback, files: list[Path], station: Path | None, author: Confirmation
+) -> PrintedLabels:
     """Job: stand in for labels that a printer prints."""
     return PrintedLabels([])
 
@@ -459,9 +465,11 @@ def test_labels_of_all_runs_are_kept_until_they_are_printed(
 CAUTION = Text.of("log.not_found", file="a.h5")  # stands for registers that were replaced
 
 
-def label_with_caution(report: ProgressCallback, files: list[Path], station: Path | None) -> PrintedLabels:
+def label_with_caution(
+    report: ProgressCallback, files: list[Path], station: Path | None, author: Confirmation
+) -> PrintedLabels:
     """Job: stand in for the labels of results with a caution."""
-    return replace(label_of(report, files, station), cautions=[CAUTION])
+    return replace(label_of(report, files, station, author), cautions=[CAUTION])
 
 
 @pytest.mark.usefixtures("documents")
@@ -581,6 +589,23 @@ def test_small_screen_with_a_question_about_a_batch_does_not_scroll(operator: Op
     click(operator, "unit_1_verdict")
     operator.press("all_units_button")
     operator.qtbot.wait(100)
+    assert not any(bar.isVisible() for bar in page.findChildren(QScrollBar))
+
+
+@pytest.mark.parametrize("count", [4, 8])
+@pytest.mark.parametrize("language", ["en", "zh_CN"])
+def test_note_on_a_unit_in_a_slot_is_not_shortened(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch, count: int, language: str
+) -> None:
+    monkeypatch.setattr(EarlierRuns, "of", lambda *_: EarlierRuns(4, passed=True))
+    operator.window.resize(1280, 690)  # 1920x1080 at 150 % without the task bar
+    operator.window.app.set_language(language)
+    use_slots(operator, count)
+    operator.window.app.slots.remove_units()
+    operator.scan("SN-000042")
+    note = next(each for each in operator.window.findChildren(ElidedLabel) if "5" in each.text() and each.isVisible())
+    operator.until(lambda: note.shortened() == note.text(), 10.0)
+    page = operator.window.operator_page
     assert not any(bar.isVisible() for bar in page.findChildren(QScrollBar))
 
 

@@ -1,5 +1,6 @@
 """Labels are made from results of passed units, and every failure has a remedy."""
 
+import hashlib
 import io
 import json
 import socket
@@ -16,11 +17,12 @@ import tomli_w
 import typst
 import zxingcpp
 
+from calstation.config import Confirmation, trail_values
 from calstation.config.library import shipped_folder
 from calstation.devices.imu import TransferOutcome, TransferStep
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
 from calstation.messages import Language, local_time, render
-from calstation.records import LogMeta, RawLogWriter, open_log
+from calstation.records import LogMeta, RawLogWriter, audit_path, open_log, read_audit
 from calstation.registers import journal
 from calstation.reports import label_template, print_label, print_labels
 from calstation.reports.label import label_fields, qr_code
@@ -102,6 +104,46 @@ def test_same_result_gives_the_same_pdf(site: Path) -> None:
     assert pdf.read_bytes() == first
     printed(site, operator="Li Na")
     assert pdf.read_bytes() != first
+
+
+@pytest.mark.parametrize(
+    ("language", "words"),
+    [
+        ("en", ["serial number SN-000042", "run SN-000042_1", "printer tcp://127.0.0.1:"]),
+        ("zh_CN", ["序列号 SN-000042", "标定 SN-000042_1", "打印机 tcp://127.0.0.1:"]),
+    ],
+)
+def test_every_printed_label_is_in_the_audit_trail(site: Path, language: Language, words: list[str]) -> None:
+    path, wang = write_result(site), Confirmation("Wang (B0001)", pin="personal")
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        station = write_station(site, label={"printer": address})
+        for _ in range(2):
+            print_labels(lambda *_, **__: None, [path], station, wang)
+    with pytest.raises(DeviceFaultError):
+        print_label(lambda *_: None, path, station, wang)
+    use_template(site, "label.typ", "#sys.inputs.serial")
+    pdf = print_label(lambda *_: None, path, station, wang)
+    assert pdf is not None
+    first, again, saved = read_audit(audit_path(site)).entries
+    assert {(each.event, each.by, each.values["pin"]) for each in (first, again, saved)} == {
+        ("label_printed", "Wang (B0001)", "personal")
+    }
+    assert first.values == again.values
+    shown = "\n".join(trail_values(first.values, language, brief=True))
+    assert [word for word in words if word not in shown] == []
+    assert saved.values["sha256"] == hashlib.sha256(pdf.read_bytes()).hexdigest()
+
+
+def test_label_is_not_printed_if_the_audit_trail_was_changed(site: Path) -> None:
+    use_template(site, "label.typ", "#sys.inputs.serial")
+    printed(site)
+    trail = audit_path(site)
+    trail.write_text(trail.read_text("utf-8").replace("SN-000042", "SN-000043"), "utf-8")
+    (site / "labels" / "SN-000042_1.pdf").unlink()
+    with pytest.raises(ConfigurationError):
+        printed(site)
+    assert not (site / "labels" / "SN-000042_1.pdf").exists()
 
 
 def test_shipped_label_uses_no_installed_font(site: Path) -> None:

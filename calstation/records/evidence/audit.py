@@ -44,6 +44,7 @@ AuditEventName = Literal[
     "override",
     "certificate",
     "certificate_printed",
+    "label_printed",
     "standard_overridden",
     "attempt_allowed",
     "trail_restarted",

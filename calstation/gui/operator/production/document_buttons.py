@@ -9,7 +9,7 @@ from PySide6.QtCore import QUrl
 from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import QPushButton
 
-from calstation.config import ConfirmationRequired, Person, computer_user
+from calstation.config import Confirmation, ConfirmationRequired, Person, computer_user
 from calstation.errors import CalstationError
 from calstation.gui.state import AppContext, PeoplePanel, ask_to_sign_in
 from calstation.gui.text import Words, bind, language, say
@@ -148,8 +148,9 @@ class LabelButton(_DocumentButton):
         self.setVisible(bool(self._files))
 
     def _print(self, files: dict[str, Path]) -> None:
-        self._printing = dict(files)
-        self._watch.start(list(files.values()), self._app.station_path)
+        app, self._printing = self._app, dict(files)
+        author = app.author if app.person else Confirmation(computer_user() or "-")
+        self._watch.start(list(files.values()), app.station_path, author)
 
     def _not_printed(self, error: CalstationError) -> None:
         self._end_printing(dict.fromkeys(self._printing.values(), (error.as_text,)))
