@@ -167,7 +167,8 @@ def _unverified(runs: Path, station: Path | None) -> tuple[str, ...]:
 def _needs_recovery(transfer: Transfer, runs: Path, station: StationConfig) -> bool:
     """Return whether an open transfer belongs neither to a run in progress nor to a run of another station.
 
-    A hardware run whose log is not in this folder is considered a run of another station. Earlier versions recorded no station.
+    A hardware run whose log is not in this folder is considered a run of another station. Transfers of earlier
+    versions have no station.
     """
     if transfer.station not in (None, station.name):
         return False

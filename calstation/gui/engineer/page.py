@@ -56,8 +56,6 @@ class EngineerPage(Page):
         self._problem: CalstationError | None = None
         #: Name of the log of the last run, or of its first unit; "" until the run ends, None before the first run.
         self._last_log: str | None = None
-        #: Whether the selection is kept after the run in progress, because the run was started here or resumed.
-        self._keeps_choice = False
         #: Reason why nothing may start, problem of the station or the product, what is missing before a run, and
         #: whether the Operator page asks a question.
         self._obstacles: tuple[str | Text, Text | None, str, bool] | None = None
@@ -144,7 +142,6 @@ class EngineerPage(Page):
         app.run.changed.connect(self._run_changed)
         app.run.chamber_acknowledged.connect(self._update)
         app.role.changed.connect(self._role_changed)
-        app.choice_changed.connect(self._choice_undone)
         self.app.operator_changed.connect(self._update)
         self._header.engineer_edit.textEdited.connect(lambda text: self.app.identified.emit(text.strip()))
         app.station_changed.connect(self._read_options)
@@ -203,11 +200,6 @@ class EngineerPage(Page):
             self.app.choose(None, None) if whole else self.app.choose(stages, schedule)
         self._update()
 
-    def _choice_undone(self) -> None:
-        """Reset the selection after another page has selected the whole calibration."""
-        if self.app.stages is None and self.choice.selector.stages and not self._keeps_choice:
-            self._restore_product()
-
     def _restore_product(self) -> None:
         """Restore the product's stages and schedule."""
         options, choice = self._options, self.choice
@@ -226,14 +218,10 @@ class EngineerPage(Page):
     def _running_changed(self, running: bool) -> None:
         """Show the progress of a run; after the run, clear the serial number and show the remarks.
 
-        The selection of stages and schedule applies to one run, but this page keeps it after a run that was started
-        here or resumed (with the stages of its log). The serial number is not kept: the unit on the table must be
-        identified before every run.
+        The selection of stages and the changes to their schedules stay. The serial number does not: the unit on the
+        table must be identified before every run.
         """
         self._start_dialog.drop()
-        request = self.app.engine_link.request
-        own = self.isVisible() or (request is not None and request.resume is not None)
-        self._keeps_choice = own if running else self._keeps_choice and self.app.role.engineer
         if running and self.notice.offers(_RESUME):
             self.notice.dismiss()
         if running and not self.app.run.register_operation:
@@ -246,9 +234,6 @@ class EngineerPage(Page):
             self.analysis.refresh()
         if not running and self.app.engine_link.operation is None:
             self._header.serial_edit.clear()
-            if not (self._keeps_choice and self.choice.selector.stages):
-                self._restore_product()
-            self._keeps_choice = False
             for name, values in self.app.run.unit.remarks:
                 if name in ("certificate_waits", "certificate_not_made", "table_moved"):
                     self.notice.ask("caution", event_text(name, values), "")
