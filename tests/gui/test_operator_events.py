@@ -198,6 +198,31 @@ def test_verdict_is_cleared_by_another_product_or_station(simulated_run: Operato
     assert simulated_run.verdict == ""
 
 
+@pytest.mark.parametrize(
+    ("language", "outcome", "text"),
+    [
+        ("en", "failed", "PARTIAL  ·  FAIL"),
+        ("en", "partial", "PARTIAL"),
+        ("zh_CN", "failed", "部分  ·  不合格"),
+        ("zh_CN", "stopped", "部分  ·  已停止"),
+    ],
+)
+def test_title_and_strip_say_after_a_partial_run_that_it_was_partial(
+    operator: Operator, language: str, outcome: str, text: str
+) -> None:
+    app, site = operator.window.app, operator.site_folder
+    app.set_language(language)
+    app.engine_link.request = RunRequest(SERIAL, site.station, site.product, ("rate",), app.runs_folder)
+    app.engine_link.running_changed.emit(True)
+    end_run(operator, outcome, partial=True)
+    operator.window.show_page("history_page")
+    assert f"{SERIAL}  ·  {text}" in operator.says().splitlines()
+    assert operator.window.windowTitle() == f"{SERIAL}  ·  {text}  –  calstation"
+    operator.window.show_page("operator_page")
+    operator.scan("SN-000043")
+    assert operator.window.windowTitle() == "calstation"
+
+
 def test_decisive_value_is_bold_and_shown_with_its_limit(simulated_run: Operator) -> None:
     row = {"unit": "rad/s", "stage": "rate", "value": -4e-6, "sigma": 9e-6}
     checks = [

@@ -100,7 +100,7 @@ def run_badge(run: RunStatus) -> tuple[str, str]:
 
     A table that may still be moving and a chamber that must stay closed take precedence. Other windows of the station
     show the run of the first window. Another program that uses the station takes precedence over the last run. The text
-    states whether a run in progress is partial. After a run of several units, the text counts the outcomes, and the
+    states whether a run is partial. After a run of several units, the text counts the outcomes, and the
     shape is that of the worst outcome.
     """
     kind, text = _state_badge(run)
@@ -124,13 +124,18 @@ def _state_badge(run: RunStatus) -> tuple[str, str]:
         counts = Counter(run.display_state_of(unit) for unit in run.units)
         texts = [term("unit_count", outcome, count=counts[outcome]) for outcome in _COUNTED if counts[outcome]]
         worst = next((outcome for outcome in _WORST if counts[outcome]), run.display_state)
-        return KINDS.get(worst, "none"), term("unit_count", "comma").join(texts)
+        text = term("unit_count", "comma").join(texts)
+        return KINDS.get(worst, "none"), text if counts["partial"] else _marked(run, text)
     state = term("badge", run.display_state)
     if run.display_state == "monitoring" and run.monitoring is not None:
         return run.monitoring[0], state
-    if run.in_progress and run.partial:
-        state = f"{term('badge', 'partial')}  ·  {state}"
-    return KINDS.get(run.display_state, "none"), state
+    marked = state if run.state in ("idle", "partial") else _marked(run, state)
+    return KINDS.get(run.display_state, "none"), marked
+
+
+def _marked(run: RunStatus, state: str) -> str:
+    """Return the text of a state with the mark of a partial run."""
+    return f"{term('badge', 'partial')}  ·  {state}" if run.partial else state
 
 
 class EndStageButton(QPushButton):
