@@ -20,6 +20,7 @@ from calstation.messages import Language, Text
 from calstation.records import Verdict
 from calstation.reports import IssueState, PrintedLabels, ReportRequest
 from calstation.sequencer import Fault, Message, StageSolved, StateChanged
+from tests.database.result_files import write_result
 from tests.dead_logs import write_dead_log
 from tests.gui.conftest import Operator, result_with
 from tests.gui.test_units import FAILED, NO_ANSWER, begin, click, end_unit, serials, started, tile, use_slots
@@ -67,6 +68,35 @@ def test_slots_keep_their_places_from_loading_to_verdict(operator: Operator) -> 
     operator.widget("language_combo", QComboBox).setCurrentIndex(1)
     empty = operator.window.operator_page._verdicts.findChild(QWidget, "empty_5_tile")
     assert [text.text() for text in empty.findChildren(QLabel)] == ["5", "不参加本次标定"]
+
+
+@pytest.mark.parametrize("count", [3, 12])  # with sentences, and in a few words
+@pytest.mark.parametrize(("language", "void"), [("en", "Remove the old label"), ("zh_CN", "撕下旧标签")])
+def test_tile_of_a_unit_that_fails_after_it_passed_says_that_its_label_is_void(
+    operator: Operator, count: int, language: str, void: str
+) -> None:
+    app, site = operator.window.app, operator.site_folder
+    use_slots(operator, count)
+    site.write({"label": "label.typ"}, units=count)
+    app.set_language(language)
+    begin(operator)
+    app.runs_folder.mkdir(exist_ok=True)
+    for number, outcome in (("1", "passed"), ("2", "passed"), ("3", "failed")):
+        write_result(app.runs_folder, f"SN-00000{number}_1", 1, serial=f"SN-00000{number}", outcome=outcome)
+    app.history().refresh()
+    product = {"name": "short", "sha256": "0" * 64}
+    for unit in operator.run.units:
+        failed = unit.slot in ("2", "3")
+        configuration = {"configuration": {"product": product}}
+        end_unit(
+            operator, unit.slot, "failed" if failed else "passed", **(FAILED if failed else PASSED), **configuration
+        )
+    app.engine_link._end()
+    operator.until(lambda: operator.run.ended)
+    texts = {slot: tile(operator, f"unit_{slot}_verdict").accessibleName() for slot in ("1", "2", "3")}
+    assert [slot for slot, text in texts.items() if void in text] == ["2"]
+    labels = tile(operator, "unit_2_verdict").findChildren(QLabel)
+    assert any(void in (text.toolTip() or "") + text.text() for text in labels)
 
 
 def test_tile_of_a_unit_that_will_fail_says_so_briefly(operator: Operator) -> None:

@@ -11,9 +11,9 @@ from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.config import load_station
 from calstation.connection import LinkTestRequest
-from calstation.errors import CalstationError, InputError
+from calstation.errors import InputError
 from calstation.gui.operator import advice
-from calstation.gui.operator.production import CertificateButton, LabelButton, UnprintedNotice
+from calstation.gui.operator.production import CertificateButton, LabelButton, UnprintedNotice, label_void
 from calstation.gui.operator.questions import sign_in_text
 from calstation.gui.operator.units import Banner
 from calstation.gui.state import AppContext, ResetBar, prevented_by
@@ -35,8 +35,6 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.messages import Rendered, entry, event_text, joined, known
-from calstation.records import Verdict
-from calstation.reports import product_label
 from calstation.results import Result, load_run_result
 from calstation.sequencer import Fault, Finalized
 
@@ -196,9 +194,7 @@ class VerdictPanel(QFrame):
         if unit.finalized is not self._finalized:
             self._finalized = unit.finalized
             file = None if unit.finalized is None else Path(unit.finalized.result_file)
-            failed = unit.finalized is not None and unit.finalized.verdict is Verdict.FAILED
-            passed_before = failed and self._app.history().passed_before(unit.serial) is not None
-            self._label_void = passed_before and unit.result is not None and _labelled(unit.result)
+            self._label_void = label_void(self._app, unit)
             judged = unit.finalized is not None and unit.finalized.verdict.judged  # another run may follow otherwise
             for button in (self.label_button, self.certificate_button):
                 button.offer(unit.result if judged else None, file)
@@ -356,11 +352,3 @@ class VerdictPanel(QFrame):
     def _show_details(self) -> None:
         if self._finalized is not None:
             self._app.open_run.emit(Path(self._finalized.result_file))
-
-
-def _labelled(result: Result) -> bool:
-    """Return whether the unit gets a label when it passes; a check standard gets none."""
-    try:
-        return result.check_standard is None and product_label(result) is not None
-    except CalstationError:  # the operator page reports an unreadable product
-        return False

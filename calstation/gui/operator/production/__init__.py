@@ -6,5 +6,6 @@ from calstation.gui.operator.production.document_buttons import (
     CertificatesButton,
     LabelButton,
     UnprintedNotice,
+    label_void,
 )
 from calstation.gui.operator.production.shift_counter import ShiftCounter

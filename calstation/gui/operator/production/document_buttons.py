@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QPushButton
 
 from calstation.config import Confirmation, ConfirmationRequired, Person, computer_user
 from calstation.errors import CalstationError
-from calstation.gui.state import AppContext, PeoplePanel, ask_to_sign_in
+from calstation.gui.state import AppContext, PeoplePanel, UnitStatus, ask_to_sign_in
 from calstation.gui.text import Words, bind, language, say
 from calstation.gui.widgets import Choice, JobWatch, NoticeBar, plain_tip
 from calstation.messages import Text
@@ -25,6 +25,7 @@ from calstation.reports import (
     issue_state,
     label_template,
     print_labels,
+    product_label,
     states_of_issue,
 )
 from calstation.results import Result
@@ -185,6 +186,21 @@ class LabelButton(_DocumentButton):
 def _opens(path: Path) -> bool:
     """Open a PDF or a folder, and return whether this computer has a program for it."""
     return QDesktopServices.openUrl(QUrl.fromLocalFile(str(path)))
+
+
+def label_void(app: AppContext, unit: UnitStatus) -> bool:
+    """Return whether a unit that failed has a label of a run that it passed before."""
+    if unit.verdict is not Verdict.FAILED or unit.result is None or not _labelled(unit.result):
+        return False
+    return app.history().passed_before(unit.serial) is not None
+
+
+def _labelled(result: Result) -> bool:
+    """Return whether the unit gets a label when it passes; a check standard gets none."""
+    try:
+        return result.check_standard is None and product_label(result) is not None
+    except CalstationError:  # the operator page reports an unreadable product
+        return False
 
 
 def _has_label(result: Result) -> bool:

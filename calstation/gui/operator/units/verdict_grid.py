@@ -9,7 +9,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFrame
 
 from calstation.gui.operator import advice
-from calstation.gui.operator.production import CertificatesButton, LabelButton, UnprintedNotice
+from calstation.gui.operator.production import CertificatesButton, LabelButton, UnprintedNotice, label_void
 from calstation.gui.operator.units.banner import Banner
 from calstation.gui.operator.units.tiles import COLUMNS, Tile, arrange_in_slots, pass_clicks, slot_text
 from calstation.gui.state import LEAVING, AppContext, UnitStatus, run_badge
@@ -62,8 +62,8 @@ class _VerdictTile(Tile):
         column((self._banner, 4), texts, None, on=self, spacing=0, margins=(2, 2, 2, 2))
         pass_clicks(self._banner, self._serial, self.reason, self._action)
 
-    def show_verdict(self, state: str) -> None:
-        """Show the final state of the unit, the reason, and the next action."""
+    def show_verdict(self, state: str, *, label_void: bool) -> None:
+        """Show the final state of the unit, the reason, the next action, and whether its old label is void."""
         unit = self.unit
         outcome = "failed" if state == "released" else state
         brief = advice.brief_reason(outcome, unit.result), advice.brief_action(outcome, unit.result)
@@ -78,6 +78,9 @@ class _VerdictTile(Tile):
         if unit.fault is not None:
             fault = fault_text(unit.fault, engineer=False)
             brief = whole = (fault.text, fault.remedy)
+        elif label_void and state == "failed":
+            note = term("advice_brief", "remove_label")
+            brief, whole = (brief[0], f"{note}  ·  {brief[1]}"), (whole[0], f"{note}  ·  {whole[1]}")
         self._banner.show_state(state, slot_text(unit))
         for widget, text in zip((self.reason, self._action), whole if self.roomy else brief, strict=True):
             widget.setText(text)
@@ -101,7 +104,7 @@ class VerdictGrid(QFrame):
     ) -> None:
         super().__init__()
         self.setProperty("kind", "panel")
-        self._run, self._slots = app.run, app.slots
+        self._app, self._run, self._slots = app, app.run, app.slots
         self._tiles: list[_VerdictTile] = []
         self._prepared: dict[str, _VerdictTile] = {}
         self._offered: list[Path] = []  #: Result files to which the buttons for labels and certificates apply.
@@ -221,7 +224,8 @@ class VerdictGrid(QFrame):
                 self._again.setText(say("operator.again_both" if both else again, count=len(repeatable)))
             self._again.setVisible(bool(repeatable))
             for tile in self._tiles:
-                tile.show_verdict(self._run.final_state_of(tile.unit))
+                void = label_void(self._app, tile.unit)
+                tile.show_verdict(self._run.final_state_of(tile.unit), label_void=void)
             brief = [tile.reason for tile in self._tiles if not tile.roomy]
             height = max((reason.sizeHint().height() for reason in brief), default=0)
             for reason in brief:  # all banners must have the same height
