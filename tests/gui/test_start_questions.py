@@ -445,6 +445,37 @@ def test_other_pages_name_the_question_on_the_operator_page(
     assert ready in operator.says().splitlines()
 
 
+@pytest.mark.parametrize(
+    ("language", "said", "ready"),
+    [
+        ("en", "Answer the question on the Engineer page first.", "READY"),
+        ("zh_CN", "请先到工程师页回答问题。", "就绪"),
+    ],
+)
+def test_other_pages_name_the_question_on_the_engineer_page(
+    operator: Operator, started: list[RunRequest], language: str, said: str, ready: str
+) -> None:
+    operator.site_folder.runs.mkdir()
+    passed(operator.site_folder)
+    History(operator.site_folder.runs).refresh()
+    operator.window.app.set_language(language)
+    Page(operator, "engineer_page").start(SERIAL)
+    assert said not in operator.says()
+    start = operator.widget("start_button", QPushButton)
+    for page in ("history_page", "operator_page"):
+        operator.window.show_page(page)
+        lines = operator.says().splitlines()
+        assert said in lines
+        assert ready not in lines
+    operator.widget("serial_edit", QLineEdit).setText("SN-000077")
+    assert (start.isEnabled(), start.toolTip()) == (False, said)
+    operator.window.show_page("engineer_page")
+    operator.press("cancel_choice")
+    operator.window.show_page("operator_page")
+    assert start.isEnabled(), start.toolTip()
+    assert ready in operator.says().splitlines()
+
+
 def test_no_key_answers_a_question_without_a_safe_answer_after_a_return_to_it(operator: Operator) -> None:
     notice, answered = operator.window.operator_page.notice, list[str]()
     ask(notice, "paused", Text.of("question.same_units", serials=[SERIAL]), {"same_units": lambda: answered.append("")})

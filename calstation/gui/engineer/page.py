@@ -385,6 +385,9 @@ class EngineerPage(Page):
         if not self.app.role.engineer:
             role = say("engineer.new_pin_needed" if self.app.role.new else "engineer.pin_needed")
         run = self.app.run
+        if self.app.engineer_asks != self._start_dialog.asking:
+            self.app.engineer_asks = self._start_dialog.asking
+            run.changed.emit()
         waits = say(run.why_not_start)
         busy = waits if self.app.engine_link.running or run.occupied is not None else ""
         badges = self.app.badge is not None or self.app.badge_required

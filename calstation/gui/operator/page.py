@@ -410,8 +410,8 @@ class OperatorPage(Page):
             return why_not
         if header.badge_field.required:
             return sign_in_text(self.app)
-        if starting.asking:
-            return say("operator.answer_first")
+        if starting.asking or self.app.engineer_asks:
+            return say("operator.answer_first" if starting.asking else "operator.answer_engineer")
         if starting.slots and not starting.slots.units and not header.serial:
             return say("operator.no_unit")
         if not (starting.slots or header.serial):

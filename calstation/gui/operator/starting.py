@@ -277,6 +277,7 @@ class RunStarter(QObject):
         """Whether anything is missing before the next run, such as a badge, a valid scan, an answer or a reset."""
         run = self._app.run
         missing = self._header.badge_field.required or self.refused is not None or bool(self.overdue) or self.asking
+        missing = missing or self._app.engineer_asks
         return missing or run.unreset is not None or run.why_not_start == "operator.reading_runs"
 
     def missing_text(self, answer: str) -> str:
@@ -293,6 +294,8 @@ class RunStarter(QObject):
             return fault_text(run.unreset, engineer=self._app.role.engineer).remedy
         if self.asking:
             return say(answer)
+        if self._app.engineer_asks:
+            return say("operator.answer_engineer")
         if self.refused is not None:
             return rendered(self.refused).text
         if causes := self.overdue:

@@ -68,6 +68,7 @@ class AppContext(QObject):
         self.operator: str | None = None
         self.badge: str | None = None
         self.badge_required = False  #: Whether an operator must sign in before a run.
+        self.engineer_asks = False  #: Whether a question before a start is open on the Engineer page.
         self.overdue = False  #: Whether an engineer must permit the next run, because calibrations are overdue.
         self.signed_out_idle = False  #: Whether the last operator was signed out by the idle timeout.
         #: Stages and schedule selected by an engineer; None for those of the product.
