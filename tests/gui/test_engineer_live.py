@@ -4,9 +4,11 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QPushButton, QTabBar
 
+from calstation.config import RunRequest
+from calstation.errors import DeviceFaultError
 from calstation.gui.operator import LiveView
-from calstation.sequencer import Command, StageProgress, StateChanged, TableMoved, Trace
-from tests.gui.conftest import Operator
+from calstation.sequencer import Command, Fault, StageProgress, StateChanged, TableMoved, Trace
+from tests.gui.conftest import SERIAL, Operator
 from tests.gui.test_units import begin, end_unit, tile, use_slots
 
 
@@ -30,6 +32,25 @@ def test_no_live_view_before_a_run(operator: Operator) -> None:
     tabs: QTabBar = operator.widget("engineer_views", QTabBar)
     assert [tabs.isTabVisible(k) for k in range(tabs.count()) if tabs.tabText(k) == "Live"] == [False]
     assert current_view(operator) == "Preview"
+
+
+@pytest.mark.parametrize("code", ["port_in_use", "stopped"])
+def test_no_live_view_after_a_run_that_ended_in_its_preparation(operator: Operator, code: str) -> None:
+    operator.window.show_page("engineer_page")
+    link, site = operator.window.app.engine_link, operator.site_folder
+    link.request = RunRequest(SERIAL, site.station, site.product, out=site.runs)
+    link.running_changed.emit(True)
+    assert (current_view(operator), "Preparing" in operator.says()) == ("Live", True)
+    if code == "stopped":
+        link.event.emit(StateChanged("stopped", "preparing"))
+    else:
+        link.event.emit(Fault.of(DeviceFaultError("connection.port_in_use_unknown", port="COM3")))
+    link.running_changed.emit(False)
+    assert current_view(operator) == "Preview"
+    assert "Preparing" not in operator.says()
+    operator.window.app.set_station(site.station)
+    tabs: QTabBar = operator.widget("engineer_views", QTabBar)
+    assert "Live" not in [tabs.tabText(k) for k in range(tabs.count()) if tabs.isTabVisible(k)]
 
 
 @pytest.mark.long

@@ -224,13 +224,17 @@ class EngineerPage(Page):
         self._start_dialog.drop()
         if running and self.notice.offers(_RESUME):
             self.notice.dismiss()
+        live = self._views.indexOf(self._live)
         if running and not self.app.run.register_operation:
             self._last_log = ""
             self._close_result()
-            live = self._views.indexOf(self._live)
             self._tabs.setTabVisible(live, True)
             self._tabs.setCurrentIndex(live)
         if not running:
+            if not self._live.started:  # it would show a preparation that has ended
+                if self._tabs.currentIndex() == live:
+                    self._tabs.setCurrentIndex(0)
+                self._tabs.setTabVisible(live, False)
             self.analysis.refresh()
         if not running and self.app.engine_link.operation is None:
             self._header.serial_edit.clear()

@@ -123,6 +123,11 @@ class LiveView(QWidget):
         link.event.connect(self._show_event)
         self._refresh()
 
+    @property
+    def started(self) -> bool:
+        """Whether a stage of the run has started; before it, only the preparation is displayed."""
+        return any(stage.state != "waiting" for stage in self._run.stages) and not self._run.register_operation
+
     def _start(self) -> None:
         """Prepare for a new run."""
         run_summary = self._run.run_summary
@@ -183,8 +188,7 @@ class LiveView(QWidget):
 
     def _refresh(self) -> None:
         """Show the widgets that are relevant in the current state of the run."""
-        run = self._run
-        started = any(stage.state != "waiting" for stage in run.stages) and not run.register_operation
+        run, started = self._run, self.started
         guiding = run.by_hand and started
         self._lower.setCurrentIndex((2 if self._turns else 1) if started else 0)
         # the other views need less height, and a notice needs space above them
