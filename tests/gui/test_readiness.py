@@ -3,8 +3,8 @@
 from datetime import date
 
 import pytest
-from PySide6.QtCore import QPoint, Qt
-from PySide6.QtWidgets import QLabel, QLineEdit, QPushButton
+from PySide6.QtCore import QEvent, QPoint, Qt
+from PySide6.QtWidgets import QApplication, QLabel, QLineEdit, QPushButton
 
 from calstation.config import library
 from calstation.jobs import JobQueue
@@ -42,6 +42,28 @@ def test_refused_serial_number_is_not_ready_and_named_below(operator: Operator) 
     assert operator.message == "Load a unit, scan its serial number, and press START."
     assert "READY" in operator.says().split("\n")
     assert start.isEnabled()
+
+
+@pytest.mark.parametrize("way", ["page", "program"])
+@pytest.mark.parametrize(("code", "ready"), [("en", "READY"), ("zh_CN", "就绪")])
+def test_station_file_corrected_in_another_program_is_read_again(
+    operator: Operator, way: str, code: str, ready: str
+) -> None:
+    window, station = operator.window, operator.site_folder.station
+    window.app.set_language(code)
+    good = station.read_text(encoding="utf-8")
+    station.write_text(good + "\nunknown = 1\n", encoding="utf-8")
+    window.app.set_station(station)
+    window.show_page("engineer_page")
+    assert ready not in operator.says().splitlines()
+    station.write_text(good, encoding="utf-8")
+    if way == "program":
+        window.activateWindow()
+        QApplication.sendEvent(window, QEvent(QEvent.Type.ActivationChange))
+    else:
+        window.show_page("operator_page")
+    assert ready in operator.says().splitlines()
+    assert operator.widget("start_button", QPushButton).isEnabled()
 
 
 @pytest.mark.parametrize(

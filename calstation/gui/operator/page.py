@@ -132,7 +132,7 @@ class OperatorPage(Page):
     def showEvent(self, event: QShowEvent) -> None:
         """Prepare for a scan and, when the page is first shown, offer to resume interrupted runs."""
         super().showEvent(event)
-        self._update_products()
+        self.update_files()
         if not self._opened:
             self._opened = True
             self._starting.interrupted.recover()
@@ -219,13 +219,15 @@ class OperatorPage(Page):
         self.header.show_product(self.app.product_path)
         self._plan()
 
-    def _update_products(self) -> None:
-        """Read the products again if files have been added or removed."""
-        if self.app.engine_link.running or self._products == offered_products():
+    def update_files(self) -> None:
+        """Read the products again if files have been added or removed, and unusable files if they have been changed."""
+        if self.app.engine_link.running:
             return
         before = self.app.product_path
-        self._read_products()
-        if self.app.product_path != before:
+        changed = self._problem is not None and read_next_run(self.app, self._products)[1] != self._problem
+        if self._products != offered_products():
+            self._read_products()
+        if changed or self.app.product_path != before:
             self.app.product_changed.emit()
 
     def _read_products(self) -> None:

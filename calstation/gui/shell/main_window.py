@@ -273,6 +273,12 @@ class MainWindow(QMainWindow):
             self._move_strip()
         return super().eventFilter(watched, event)
 
+    def changeEvent(self, event: QEvent) -> None:
+        """Read wrong files again when the user returns from another program, in which they may have been corrected."""
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.ActivationChange and self.isActiveWindow():
+            self.operator_page.update_files()
+
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Treat a key that no widget has accepted as a part of a scan."""
         if self._role_panel.isVisible() or not (self.operator_page.header.handle_key(event) or self._collect(event)):
