@@ -128,7 +128,7 @@ class ProductConfig(StrictModel):
     end_on_failure: bool = False  #: Whether to skip the remaining stages after a limit is exceeded.
     #: Recommended action after the first, second, ... consecutive failure; the last entry applies to all later ones.
     advice: list[Advice] = Field(default=["reseat", "repeat", "set_aside"], min_length=1)
-    #: Consecutive failures after which a unit is not calibrated again.
+    #: Consecutive failures as this product after which a unit is not calibrated again.
     attempts_allowed: int | None = Field(default=None, ge=1)
     check_standards: list[CheckStandardSection] = Field(default_factory=list)
 

@@ -198,7 +198,8 @@ class RunStart:
         if not used_up or self.request.beyond_attempts:
             return None
         serials = [refusal.values["serial"] for refusal in used_up]
-        values = {"serial": serials[0], "serials": serials, "count": max(r.values["failures"] for r in used_up)}
+        product, count = used_up[0].values["product"], max(refusal.values["failures"] for refusal in used_up)
+        values = {"serial": serials[0], "serials": serials, "product": product, "count": count}
         engineer = self._role == "engineer"
         text = self._text("allow_attempt" if engineer else "set_aside", values)
         return Question("attempts", text, ("beyond",) if engineer else (), used_up[0])

@@ -190,7 +190,7 @@ CASES: dict[str, tuple[Callable[[SiteFolder], None], str, str, dict[str, object]
     "passed": (passed, ", as MEMS 7. Calibrate it once more?", "repeat", {}),
     "attempts": (
         failed,
-        "It was outside its limits 1 time in a row. Allow one more attempt?",
+        "As short, it was outside its limits 1 time in a row. Allow one more attempt?",
         "beyond",
         {"beyond_attempts": True},
     ),
@@ -247,15 +247,28 @@ def test_units_in_slots_are_asked_about_together_and_run_as_a_batch(
     assert request.batch
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_operator_cannot_allow_another_attempt(page: str, operator: Operator, started: list[RunRequest]) -> None:
+@pytest.mark.parametrize(
+    ("page", "language", "said"),
+    [
+        (
+            "operator_page",
+            "en",
+            "As short, it was outside its limits 1 time in a row. An engineer can allow one more attempt",
+        ),
+        ("engineer_page", "zh_CN", "按产品型号“short”，它已连续 1 次超出限差。工程师可以再允许一次"),
+    ],
+)
+def test_operator_cannot_allow_another_attempt(
+    page: str, language: str, said: str, operator: Operator, started: list[RunRequest]
+) -> None:
+    operator.window.app.set_language(language)
     operator.site_folder.runs.mkdir()
     failed(operator.site_folder)
     History(operator.site_folder.runs).refresh()
     opened = Page(operator, page)
     operator.window.app.role.lock()
     opened.start(SERIAL)
-    assert "An engineer can allow one more attempt" in opened.asked()
+    assert said in opened.asked()
     assert operator.window.findChild(QPushButton, "beyond_choice") is None
     opened.answer("unlock")
     assert started == []
