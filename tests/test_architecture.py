@@ -33,9 +33,11 @@ def trespasses(importer: str, tree: ast.Module, public: dict[str, set[str]]) -> 
     """Return the modules of other packages that a module imports past their faces.
 
     A module may import modules of its own package and of the packages that contain it, any package, and a module that
-    a face names.
+    a face names. The driver of an IMU may import the section of its protocol, a module of the same name, so that a
+    protocol need not be added to a face.
     """
     home = package_of(importer)
+    section = importer.replace(".imu.drivers.", ".profiles.imu_protocols.")
     return sorted(
         f"{importer} -> {module}"
         for module in imported_modules(tree)
@@ -43,6 +45,7 @@ def trespasses(importer: str, tree: ast.Module, public: dict[str, set[str]]) -> 
         and not f"{home}.".startswith(f"{package_of(module)}.")
         and module not in public.get(package_of(module), set())
         and package_of(module) != "calstation"
+        and module != section
     )
 
 
@@ -70,6 +73,11 @@ def test_import_past_a_face_is_detected() -> None:
     expected = ["calstation.runs.run -> calstation.records.log", "calstation.runs.run -> calstation.records.meta"]
     assert trespasses("calstation.runs.run", ast.parse(past), {}) == expected
     assert trespasses("calstation.records.limits", ast.parse(past), {}) == []
+    protocols = "calstation.devices.profiles.imu_protocols"
+    tree = ast.parse(f"from {protocols}.framed import OPS\nfrom {protocols}.modbus import ModbusProtocol\n")
+    assert trespasses("calstation.devices.imu.drivers.framed", tree, {}) == [
+        f"calstation.devices.imu.drivers.framed -> {protocols}.modbus"
+    ]
 
 
 def test_every_package_says_what_belongs_in_it() -> None:

@@ -12,7 +12,8 @@ from test_frames import stream_frame
 
 from calstation.devices.imu import ImuBusyError, ImuRefusalError, RegisterMap
 from calstation.devices.imu.drivers.modbus import ModbusImu
-from calstation.devices.profiles import ImuProfile, ModbusProtocol, load_imu_profile
+from calstation.devices.profiles import ImuProfile, load_imu_profile
+from calstation.devices.profiles.imu_protocols.modbus import ModbusProtocol
 from calstation.errors import DeviceFaultError
 from tests.devices.scripted import ScriptedDevice
 from tests.helpers import raises_code

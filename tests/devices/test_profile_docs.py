@@ -13,7 +13,8 @@ from pydantic import BaseModel
 from calstation.devices.codecs import CHECK_WIDTHS, CRC_WIDTHS
 from calstation.devices.imu import FrameDecoder, RegisterMap
 from calstation.devices.imu.drivers.framed import command_frame
-from calstation.devices.profiles import OPS, ImuProfile, ModbusRegister, TableProfile, load_imu_profile
+from calstation.devices.profiles import ImuProfile, ModbusRegister, TableProfile, load_imu_profile
+from calstation.devices.profiles.imu_protocols.framed import OPS
 from calstation.devices.profiles.table_registers import (
     COMMAND_REGISTERS,
     DRIVE_REGISTERS,

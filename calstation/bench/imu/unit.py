@@ -262,7 +262,7 @@ class ImuUnit(ABC):
         return self.registers.astype("<f4").tobytes()
 
     def calibrate(self, model: FloatArray) -> None:
-        """Store an `ImuTruth.error_model`, shape (23, 3), in registers and flash if the flash is empty."""
+        """Store an `ImuTruth.error_model` in registers and flash if the flash is empty."""
         if self.flash.load() is not None:
             return
         levers = np.diag(model[9:12])

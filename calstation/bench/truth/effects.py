@@ -28,12 +28,19 @@ _MIN_TURN_RATE = np.deg2rad(1.0)
 #: Smallest angle about an axis that counts as a turn, rad.
 _MIN_TURN_ANGLE = np.deg2rad(1.0)
 
+#: First row of each coefficient in `EffectTruth.terms`: effects with a value per channel, and matrices of three rows.
+#: The compiled code of an `@kernel` in `imu.py` contains them; by this word, `discard_outdated` includes this file.
+ACCEL_CUBIC, ACCEL_ASYMMETRY, GYRO_ASYMMETRY, GYRO_SQUARE, GYRO_CUBIC = range(5)
+G_SENSITIVITY, ACCEL_CROSS, ACCEL_RATE_SQUARE, GYRO_FLEX, GYRO_G_SQUARE = range(5, 20, 3)
+ACCEL_FIFTH, GYRO_FIFTH, ACCEL_MOVING_BIAS, GYRO_MOVING_BIAS = range(20, 24)
+TERM_ROWS = 24
+
 
 @dataclass(frozen=True)
 class EffectTruth:
     """The errors of one unit outside the model, SI; arrays of shape (6,) are gyros x, y, z, then accelerometers.
 
-    `terms`, shape (24, 3), are the coefficients of f_i³ (s⁴/m²), |f_i| (1), |ω_i| (1), ω_i² (s/rad), ω_i³
+    `terms`, shape (`TERM_ROWS`, 3), are the coefficients of f_i³ (s⁴/m²), |f_i| (1), |ω_i| (1), ω_i² (s/rad), ω_i³
     (s²/rad²), the gyros' matrix of f (3 rows, s/m), and the accelerometers' matrix of (f_y f_z, f_z f_x, f_x f_y)
     (3 rows, s²/m), the accelerometers' matrix of (ω_x², ω_y², ω_z²) (3 rows, m), the matrix K of the rotation K f
     of the gyros relative to the accelerometers (3 rows, rad s²/m), the gyros' matrix of (f_x², f_y², f_z²) (3 rows,
@@ -48,7 +55,7 @@ class EffectTruth:
     fraction of `warm_up_bias`, by `jump` after `jump_time`, and by a random walk of intensity `walk` per √s.
     """
 
-    terms: FloatArray = field(default_factory=lambda: np.zeros((24, 3)))
+    terms: FloatArray = field(default_factory=lambda: np.zeros((TERM_ROWS, 3)))
     off_axis: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
     delay: FloatArray = field(default_factory=lambda: np.zeros(6))
     low_pass: float = 0.0
@@ -173,24 +180,27 @@ class Effects(BaseModel):
         """Return the effects of one unit, SI, with signs drawn from `random` unless they are specified."""
         signs = random.choice([-1.0, 1.0], (6, 3, 3))
         signs[1:3] *= 1.0 - np.eye(3)
-        terms = [
-            _axes(self.accel_cubic_ug_g3, _PPM / _G**2),
-            _axes(self.accel_asymmetry_ppm, _PPM),
-            _axes(self.gyro_asymmetry_ppm, _PPM),
-            _axes(self.gyro_square_ppm, _PPM / _RATE),
-            _axes(self.gyro_cubic_ppm, _PPM / _RATE**2),
-            _coefficients(self.g_sensitivity_dph_g, signs[0], _DEGREE_PER_HOUR / _G),
-            _coefficients(self.accel_cross_ug_g2, signs[1], _PPM / _G),
-            _coefficients(self.accel_rate_square_ug, signs[3], _PPM * _G / _RATE**2),
-            _coefficients(self.gyro_flex_urad_g, signs[4], _PPM / _G),
-            _coefficients(self.gyro_g_square_dph_g2, signs[5], _DEGREE_PER_HOUR / _G**2),
-            _axes(self.accel_fifth_ug_g5, _PPM / _G**4),
-            _axes(self.gyro_fifth_ppm, _PPM / _RATE**4),
-            _axes(self.accel_moving_bias_ug, _PPM * _G),
-            _axes(self.gyro_moving_bias_dph, _DEGREE_PER_HOUR),
-        ]
+        values = {
+            ACCEL_CUBIC: _axes(self.accel_cubic_ug_g3, _PPM / _G**2),
+            ACCEL_ASYMMETRY: _axes(self.accel_asymmetry_ppm, _PPM),
+            GYRO_ASYMMETRY: _axes(self.gyro_asymmetry_ppm, _PPM),
+            GYRO_SQUARE: _axes(self.gyro_square_ppm, _PPM / _RATE),
+            GYRO_CUBIC: _axes(self.gyro_cubic_ppm, _PPM / _RATE**2),
+            G_SENSITIVITY: _coefficients(self.g_sensitivity_dph_g, signs[0], _DEGREE_PER_HOUR / _G),
+            ACCEL_CROSS: _coefficients(self.accel_cross_ug_g2, signs[1], _PPM / _G),
+            ACCEL_RATE_SQUARE: _coefficients(self.accel_rate_square_ug, signs[3], _PPM * _G / _RATE**2),
+            GYRO_FLEX: _coefficients(self.gyro_flex_urad_g, signs[4], _PPM / _G),
+            GYRO_G_SQUARE: _coefficients(self.gyro_g_square_dph_g2, signs[5], _DEGREE_PER_HOUR / _G**2),
+            ACCEL_FIFTH: _axes(self.accel_fifth_ug_g5, _PPM / _G**4),
+            GYRO_FIFTH: _axes(self.gyro_fifth_ppm, _PPM / _RATE**4),
+            ACCEL_MOVING_BIAS: _axes(self.accel_moving_bias_ug, _PPM * _G),
+            GYRO_MOVING_BIAS: _axes(self.gyro_moving_bias_dph, _DEGREE_PER_HOUR),
+        }
+        terms = np.zeros((TERM_ROWS, 3))
+        for row, value in values.items():
+            terms[row : row + len(np.atleast_2d(value))] = value
         return EffectTruth(
-            terms=np.vstack(terms),
+            terms=terms,
             off_axis=_coefficients(self.accel_off_axis_mm, signs[2], 1e-3),
             delay=_both(self.gyro_delay_ms, self.accel_delay_ms, 1e-3, 1e-3),
             low_pass=1e-3 * self.low_pass_ms,

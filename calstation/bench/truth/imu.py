@@ -6,12 +6,32 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calstation.bench.truth.base_motion import BaseMotion
-from calstation.bench.truth.effects import Changes, EffectTruth
+from calstation.bench.truth.effects import (
+    ACCEL_ASYMMETRY,
+    ACCEL_CROSS,
+    ACCEL_CUBIC,
+    ACCEL_FIFTH,
+    ACCEL_MOVING_BIAS,
+    ACCEL_RATE_SQUARE,
+    G_SENSITIVITY,
+    GYRO_ASYMMETRY,
+    GYRO_CUBIC,
+    GYRO_FIFTH,
+    GYRO_FLEX,
+    GYRO_G_SQUARE,
+    GYRO_MOVING_BIAS,
+    GYRO_SQUARE,
+    Changes,
+    EffectTruth,
+)
 from calstation.bench.truth.kinematics import JointProfile, joint_state
 from calstation.bench.truth.noise import Vibration, draw_instability, instability_steps
 from calstation.bench.truth.table import TableTruth, body_motion, to_body
 from calstation.bench.truth.thermal import GRID, REFERENCE, UnitThermal
 from calstation.physics import BoolArray, FloatArray, group_matrix, group_vector, kernel
+
+#: First rows of the parts of `ImuTruth.error_model`.
+_GYRO, _ACCEL, _GYRO_BIAS, _ACCEL_BIAS, _QUADRATIC, _SITES, _TERMS = 0, 3, 6, 7, 8, 9, 12
 
 
 @dataclass(frozen=True)
@@ -43,7 +63,7 @@ class ImuTruth:
     def error_model(self) -> FloatArray:
         """Return rows I + M_g (3), I + M_a (3), b_g, b_a, K2, positions of the accelerometers (3), and `effects.terms`.
 
-        The shape is (36, 3).
+        The shape is (12 + `TERM_ROWS`, 3).
         """
         p = self.parameters
         sites = group_vector(p, "outer_lever") + np.diag(group_vector(p, "inner_lever")) + self.effects.off_axis
@@ -85,33 +105,39 @@ def _measured_rates(
     vectors[0], vectors[1], vectors[2] = field[0], field[1], 0.0
     body_motion(chain, outer, inner, vectors)
     force, w, a = vectors[0], vectors[1], vectors[2]
+    terms = model[_TERMS:]
     for i in range(3):
         # Row i of ω×(ω×r) + ω'×r at accelerometer i, which senses only the component along e_i.
-        x, y, z = model[9 + i, 0], model[9 + i, 1], model[9 + i, 2]
+        x, y, z = model[_SITES + i, 0], model[_SITES + i, 1], model[_SITES + i, 2]
         along = w[0] * x + w[1] * y + w[2] * z
         j, k = (i + 1) % 3, (i + 2) % 3
         square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
-        centripetal = w[i] * along - model[9 + i, i] * square
-        euler = a[j] * model[9 + i, k] - a[k] * model[9 + i, j]
+        centripetal = w[i] * along - model[_SITES + i, i] * square
+        euler = a[j] * model[_SITES + i, k] - a[k] * model[_SITES + i, j]
         force[i] += centripetal + euler
     for i in range(3):
-        rates[i] = model[6, i] + model[14, i] * abs(w[i]) + (model[15, i] + model[16, i] * w[i]) * w[i] * w[i]
-        rates[3 + i] = model[7, i] + model[8, i] * force[i] * force[i]
-        rates[3 + i] += model[12, i] * force[i] * force[i] * force[i] + model[13, i] * abs(force[i])
+        rates[i] = (
+            model[_GYRO_BIAS, i]
+            + terms[GYRO_ASYMMETRY, i] * abs(w[i])
+            + (terms[GYRO_SQUARE, i] + terms[GYRO_CUBIC, i] * w[i]) * w[i] * w[i]
+        )
+        rates[3 + i] = model[_ACCEL_BIAS, i] + model[_QUADRATIC, i] * force[i] * force[i]
+        cubic = terms[ACCEL_CUBIC, i] * force[i] * force[i] * force[i]
+        rates[3 + i] += cubic + terms[ACCEL_ASYMMETRY, i] * abs(force[i])
         for j in range(3):
-            rates[i] += model[i, j] * w[j] + model[17 + i, j] * force[j]
-            rates[3 + i] += model[3 + i, j] * force[j]
-            rates[3 + i] += model[20 + i, j] * force[(j + 1) % 3] * force[(j + 2) % 3]
-            rates[3 + i] += model[23 + i, j] * w[j] * w[j]
-            rates[i] += model[29 + i, j] * force[j] * force[j]
+            rates[i] += model[_GYRO + i, j] * w[j] + terms[G_SENSITIVITY + i, j] * force[j]
+            rates[3 + i] += model[_ACCEL + i, j] * force[j]
+            rates[3 + i] += terms[ACCEL_CROSS + i, j] * force[(j + 1) % 3] * force[(j + 2) % 3]
+            rates[3 + i] += terms[ACCEL_RATE_SQUARE + i, j] * w[j] * w[j]
+            rates[i] += terms[GYRO_G_SQUARE + i, j] * force[j] * force[j]
             # gyros rotated by K f sense ω − (K f) × ω
             j1, j2 = (i + 1) % 3, (i + 2) % 3
-            rates[i] += (model[26 + j2, j] * w[j1] - model[26 + j1, j] * w[j2]) * force[j]
-        rates[i] += model[33, i] * w[i] ** 5
-        rates[3 + i] += model[32, i] * force[i] ** 5
+            rates[i] += (terms[GYRO_FLEX + j2, j] * w[j1] - terms[GYRO_FLEX + j1, j] * w[j2]) * force[j]
+        rates[i] += terms[GYRO_FIFTH, i] * w[i] ** 5
+        rates[3 + i] += terms[ACCEL_FIFTH, i] * force[i] ** 5
         if abs(outer[1]) + abs(inner[1]) > MOVING:
-            rates[i] += model[35, i]
-            rates[3 + i] += model[34, i]
+            rates[i] += terms[GYRO_MOVING_BIAS, i]
+            rates[3 + i] += terms[ACCEL_MOVING_BIAS, i]
 
 
 @kernel

@@ -8,7 +8,8 @@ from calstation.devices.imu.registered_imu import ATTEMPTS, RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError
 from calstation.devices.interfaces import ImuIdentity, OtherModelError
 from calstation.devices.links import Link, Transaction
-from calstation.devices.profiles import OPS, FramedProtocol, FrameSection, ImuProfile, RegisterEntry, hex_bytes
+from calstation.devices.profiles import FrameSection, ImuProfile, RegisterEntry, hex_bytes
+from calstation.devices.profiles.imu_protocols.framed import OPS, FramedProtocol
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
 

@@ -10,7 +10,8 @@ from calstation.devices.imu.registered_imu import ATTEMPTS, POLL_INTERVAL, Regis
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError
 from calstation.devices.interfaces import ImuIdentity
 from calstation.devices.links import ACKNOWLEDGED, BUSY_EXCEPTIONS, Link, RtuReply, RtuRequest, Transaction
-from calstation.devices.profiles import ImuProfile, ModbusProtocol, RegisterEntry, TextRegisters, WordCommand
+from calstation.devices.profiles import ImuProfile, RegisterEntry
+from calstation.devices.profiles.imu_protocols.modbus import ModbusProtocol, TextRegisters, WordCommand
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
 

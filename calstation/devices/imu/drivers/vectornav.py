@@ -8,7 +8,8 @@ from calstation.devices.imu.streamed_imu import ImuRefusalError
 from calstation.devices.imu.text_frames import TextLine
 from calstation.devices.interfaces import ImuIdentity
 from calstation.devices.links import Link, Transaction
-from calstation.devices.profiles import CrcSection, FrameSection, ImuProfile, RegisterEntry, VectorNavProtocol
+from calstation.devices.profiles import CrcSection, FrameSection, ImuProfile, RegisterEntry
+from calstation.devices.profiles.imu_protocols.vectornav import VectorNavProtocol
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
 
