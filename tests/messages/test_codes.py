@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
@@ -44,7 +45,6 @@ CODE_FROM_ELSEWHERE = {
     "calstation/schema.py",
     "calstation/gui/text/messages.py",
     "calstation/messages/rendering.py",
-    "calstation/messages/progress.py",
 }
 
 #: Faults that show an exception to those who maintain the program, and the words of a template's compiler.
@@ -278,6 +278,10 @@ def test_chinese_texts_contain_no_english_sentences_or_library_messages() -> Non
             assert not re.search("[A-Za-z][a-z]+ [A-Za-z]+", plain), found.code
             fields = {name for _, name, _, _ in string.Formatter().parse(text) if name}
             assert "detail" not in fields or found.code in _INTERNAL, found.code
+
+
+def test_severities_are_the_defined_ones() -> None:
+    assert {e.severity for e in all_entries()} == set(get_args(catalogue.Severity))
 
 
 def test_sources_and_families_referenced_by_entries_exist() -> None:

@@ -7,12 +7,14 @@ from collections.abc import Iterator
 import pytest
 
 from calstation.messages import catalogue, known
-from tests.messages.test_codes import INTERFACES, TAKES_CODE, all_entries, call_name, calls, trees
+from tests.messages.test_codes import INTERFACES, ROOT, TAKES_CODE, all_entries, call_name, calls, trees
 
 pytestmark = pytest.mark.long
 
+#: Packages of pages, each with a family of texts of the same name.
+_PACKAGES = {file.parent.name for file in (ROOT / "calstation" / "gui").glob("*/page.py")} - {"state"}
 #: Families of the texts of pages and commands; no name of their entries comes from data alone.
-PAGES = {"cli", "common", "engineer", "history", "logs", "operator", "quality", "settings", "window"}
+PAGES = {"cli", "common", "window"} | _PACKAGES
 
 #: Functions of Qt and of the terminal that show texts as they are, and the index of the first one.
 SHOWS_TEXT = {
