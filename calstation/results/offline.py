@@ -28,6 +28,7 @@ from calstation.results.history import History
 from calstation.results.plots import StageSpan
 from calstation.results.resolving import Resolved, resolve
 from calstation.results.result import Result, in_sigma, write_json
+from calstation.results.sections import Parameter
 from calstation.results.stored_runs import lacks_log
 
 #: Measured cost of solving a sample relative to reading it; filters take several passes.
@@ -236,12 +237,14 @@ def _unit_text(name: str) -> str:
 
 def _parameters_csv(result: Result, stored: Result | None) -> str:
     before = stored.parameters if stored is not None else {}
-    head = ("parameter", "value", "sigma", "unit", "stage", "online_value", "online_sigma", "difference_in_sigma")
+    head = ("parameter", *Parameter.model_fields, "online_value", "online_sigma", "difference_in_sigma")
     lines = [for_csv([head])]
     for name, row in result.parameters.items():
         online = before.get(name)
         compared = ["", "", ""]
         if online is not None:
             compared = [repr(online.value), repr(online.sigma), f"{in_sigma(row, online):.6g}"]
-        lines.append(for_csv([[name, repr(row.value), repr(row.sigma), row.unit, row.stage, *compared]]))
+        values = (getattr(row, field) for field in Parameter.model_fields)
+        fields = [value if isinstance(value, str) else repr(value) for value in values]
+        lines.append(for_csv([[name, *fields, *compared]]))
     return "".join(lines)

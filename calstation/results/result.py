@@ -1,6 +1,7 @@
 """Result of a run or of a log solved again, which is read from and written to the result JSON of the contract.
 
-A new entry of the result is a field here, which `build_result` in `building.py` sets; see docs/how-to/extend.md.
+A new entry of the result is a field here, which `build_result` in `building.py` sets; an entry of every parameter is a
+field of `Parameter` in `sections.py`, which `solved_parameters` sets. See docs/how-to/extend.md.
 """
 
 import json
@@ -171,7 +172,7 @@ class Result(ResultSection):
         return covariance
 
     def to_frame(self) -> "pandas.DataFrame":
-        """Return the parameters as a pandas table: value, sigma, unit and stage, by name.
+        """Return the parameters as a pandas table by name, with the fields of `Parameter`: value, sigma, unit, stage.
 
         Raises ConfigurationError if pandas is not installed.
         """
@@ -180,7 +181,7 @@ class Result(ResultSection):
         except ImportError as exc:
             raise ConfigurationError("api.no_package", function="to_frame", package="pandas") from exc
         rows = {name: row.model_dump() for name, row in self.parameters.items()}
-        columns = ["value", "sigma", "unit", "stage"]
+        columns = [*Parameter.model_fields]
         return pandas.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("parameter")
 
     def curve(self, name: str, temperature: FloatArray) -> tuple[FloatArray, FloatArray]:
