@@ -1,9 +1,11 @@
 """The main window: pages, languages, themes, role, keyboard order."""
 
 import json
+import re
 import subprocess
 import sys
 import time
+from pathlib import Path
 from typing import cast
 
 import pytest
@@ -16,7 +18,7 @@ from calstation.config import access
 from calstation.gui.engineer import EngineerPage
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.shell import create_window
-from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.shell.main_window import _PAGES, MainWindow
 from calstation.gui.state import RolePanel
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
@@ -25,7 +27,8 @@ from calstation.runs import find_resumable
 from tests.gui.conftest import SiteFolder
 
 pytestmark = pytest.mark.usefixtures("job_queue")
-PAGES = ["operator_page", "engineer_page", "offline_page", "history_page", "quality_page", "station_page", "help_page"]
+#: Object names of the pages.
+PAGES = list(_PAGES)
 
 
 def opened(site_folder: SiteFolder, qtbot: QtBot) -> MainWindow:
@@ -38,9 +41,11 @@ def opened(site_folder: SiteFolder, qtbot: QtBot) -> MainWindow:
     return window
 
 
-def test_pages_are_in_the_expected_order(window: MainWindow) -> None:
+def test_pages_are_those_of_the_contract_in_this_order(window: MainWindow) -> None:
+    contract = (Path(__file__).parents[2] / "docs" / "contract.md").read_text(encoding="utf-8")
+    (pages,) = re.findall(r"`page_tabs` \(pages\s([^)]*)\)", contract)
     tabs = window.findChild(QTabWidget, "page_tabs")
-    assert [tabs.widget(i).objectName() for i in range(tabs.count())] == PAGES
+    assert [tabs.widget(i).objectName() for i in range(tabs.count())] == re.findall(r"`(\w+)`", pages)
 
 
 @pytest.mark.long

@@ -193,7 +193,7 @@ class MainWindow(QMainWindow):
         QTimer.singleShot(_CREATION_DELAY_MS, self, self._after_first_paint)
 
     def create_engineer_page(self) -> None:
-        """Create the engineer page early, because it monitors runs; other pages are created when first shown."""
+        """Create the engineer page now, because it monitors runs from the start; `_prepare_next` creates the others."""
         _ = self._tabs["engineer_page"].page
 
     def _after_first_paint(self) -> None:
