@@ -177,7 +177,7 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
     zero, encoders = np.zeros(len(sigma)), slice(len(sigma) - 2 * len(rests), None)
     result = map_estimate("rate", model, observed, variance, prior, zero, sigma, mask, encoders, GROUPS)
     effects = StageEffects(float(data.time[0]), len(data) * data.dt, data.has_angles)
-    added = _effects(data, turns, effects, np.array(context.turned))
+    added = _effects(data, turns, effects, np.array(context.initial_turn_senses))
     sensitivity = effects.batch_sensitivity(result.gain, added, mask)
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(

@@ -122,7 +122,7 @@ class Trial:
         largest: dict[tuple[str, str], EffectLimit] = {}
         for limit in tests.limits(solution.posterior, MAX_EXCESS + 1.0):
             key = limit.cause, limit.parameter.rpartition("_")[0]
-            if not limit.stage and (key not in largest or limit.move > largest[key].move):
+            if not limit.stage and (key not in largest or limit.shift > largest[key].shift):
                 largest[key] = limit
         return tuple(largest.values())
 

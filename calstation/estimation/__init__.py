@@ -1,6 +1,6 @@
 """Calibration methods and solvers as pure functions of arrays.
 
-They use no device, file, thread or window; the schedules are defined in `procedures`.
+They use no devices, files, threads or windows; the schedules are defined in `procedures`.
 """
 
 from calstation.estimation.common import Diagnosis, ModelTest

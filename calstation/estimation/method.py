@@ -71,7 +71,7 @@ class Solution:
     """Result of solving a stage."""
 
     stage: str
-    posterior: Posterior  #: Joint posterior of the 30 parameters; in a chain, including the gravity error.
+    posterior: Posterior  #: Joint posterior of the 30 parameters; after `SolverChain`, it includes the gravity error.
     estimated: tuple[str, ...]  #: Names of the parameters that the stage estimated.
     consistency: Consistency  #: Innovation test of the stage.
     gaps: int = 0  #: Number of gaps and resets.
@@ -86,7 +86,7 @@ class Solution:
     sensitivity: Sensitivity | None = None  #: Sensitivity to effects outside the model; None if it is not known.
     tests: tuple[ModelTest, ...] = ()  #: Tests of the model; each becomes a check of the result.
     explanation: ModelTest | None = None  #: A failed but harmless test that may explain the failure of other checks.
-    #: Parameters whose sigma rests on an assumed scatter, because nothing in the data is redundant.
+    #: Parameters whose sigma depends on an assumed scatter, because the data have no redundancy.
     assumed: tuple[str, ...] = ()
     diagnosis: Diagnosis | None = None  #: Location of the excess if the innovations fail their test.
     temperature: TemperatureFit | None = None  #: Parameters over temperature, if the stage determined them.
@@ -157,7 +157,7 @@ class StageSolver(ABC):
         self.buffer.append(block)
 
     def data(self) -> StageData:
-        """Return the valid samples of the stage in physical units, as the tests of its solution use them."""
+        """Return the valid samples of the stage in physical units, as used by the tests of its solution."""
         return self.buffer.data()
 
     def sigma(self) -> FloatArray:
@@ -228,7 +228,7 @@ class Method:
     solver: Callable[[SolveContext, Posterior, Any], StageSolver]  #: (context, prior, schedule) -> solver
     #: (context) -> names of the parameters that the stage estimates
     estimates: Callable[[SolveContext], tuple[str, ...]]
-    #: Whether the solver detects the steps in the data and can solve a whole recording, even if the column 'stage' does
+    #: Whether the solver finds the steps in the data, so that it can solve a whole recording whose column 'stage' does
     #: not contain the method's name.
     needs_no_table: bool = False
     on_gimbal: bool = False  #: Whether the plan is for a gimbal instead of a table.

@@ -1,7 +1,7 @@
-"""Effects outside the 30-parameter model, which are defined only by the entries of `EFFECTS`.
+"""Effects outside the 30-parameter model, each defined by an entry of `EFFECTS` alone.
 
-A new effect requires an entry, texts, documentation and an independent truth of the bench, which tests verify for all
-`EFFECTS`; see "An effect of the error model" in docs/how-to/extend.md.
+A new effect needs an entry, message texts, documentation and an independent implementation in the bench, which tests
+check for all `EFFECTS`; see "An effect of the error model" in docs/how-to/extend.md.
 
 Sources: IEEE Std 952-2020 and 1293-2018 (error models of gyros and accelerometers); Cai, Yang, Song, Wang, *Measurement
 Science and Technology* 27 (2016) 095005 (g-sensitivity and cross-coupling on a two-axis table).
@@ -16,13 +16,13 @@ import numpy as np
 from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import AXES
 
-#: Rate above which an axis turns, rad/s, and smallest angle of a turn, rad.
+#: Smallest rate of a rotation, rad/s, and smallest angle of a turn, rad.
 _TURNING, _TURNED = np.deg2rad(1.0), np.deg2rad(1.0)
 
 
 @dataclass(frozen=True)
 class OuterTurn:
-    """Rotation about the outer axis of a two-axis table in n intervals, in n."""
+    """Rotation about the outer axis of a two-axis table over n intervals; vectors in the local-level (ENU) frame."""
 
     axis: FloatArray  #: Unit vector of the outer axis, shape (n, 3).
     before: FloatArray  #: Unit vector of the inner axis at the start of each interval, shape (n, 3).
@@ -32,33 +32,33 @@ class OuterTurn:
 
 @dataclass(frozen=True)
 class Motion:
-    """Motion of an IMU in n intervals, in body axes."""
+    """Motion of an IMU over n intervals, in body axes."""
 
     rate: FloatArray  #: Angular rate, rad/s, shape (n, 3).
     force: FloatArray  #: Specific force, m/s², shape (n, 3).
     angular_acceleration: FloatArray  #: rad/s², shape (n, 3)
     jerk: FloatArray  #: Rate of change of the specific force in body axes, m/s³, shape (n, 3).
     time: FloatArray  #: Time since the start of the stage, s, shape (n,).
-    outer: OuterTurn | None = None  #: None without a two-axis table, or while its axes are unknown.
+    outer: OuterTurn | None = None  #: None without a two-axis table, or if its axes are unknown.
     #: Sense of the last turn about each axis before the first interval, +1, −1, or 0 without one, shape (3,).
-    turned: FloatArray | None = None
-    #: Means of ω × dω/dt over the intervals, rad²/s³, shape (n, 3); None for the product of the means above.
+    initial_turn_senses: FloatArray | None = None
+    #: Means of ω × dω/dt over the intervals, rad²/s³, shape (n, 3); None to use `rate` × `angular_acceleration`.
     coning: FloatArray | None = None
-    #: Matrix from the rate to the rates that the gyros sense, shape (3, 3); None for exact gyros.
+    #: Matrix from the rate to the rates about the gyros' axes, shape (3, 3); None for axes equal to b.
     axes: FloatArray | None = None
 
     @classmethod
     def steady(
-        cls, rate: FloatArray, force: FloatArray, time: FloatArray, turned: FloatArray | None = None
+        cls, rate: FloatArray, force: FloatArray, time: FloatArray, initial_turn_senses: FloatArray | None = None
     ) -> "Motion":
         """Return a motion with constant rate and force in every interval.
 
         Parameters
         ----------
-        rate, force, time, turned : as the attributes, shape (n, 3), (n, 3), (n,) and (3,)
+        rate, force, time, initial_turn_senses : as the attributes, shape (n, 3), (n, 3), (n,) and (3,)
         """
         still = np.zeros_like(rate)
-        return cls(rate, force, still, still, time, turned=turned)
+        return cls(rate, force, still, still, time, initial_turn_senses=initial_turn_senses)
 
     @property
     def coning_rate(self) -> FloatArray:
@@ -67,13 +67,13 @@ class Motion:
 
     @property
     def last_turns(self) -> FloatArray:
-        """Sense of the last completed turn about the axis of each gyro, +1, −1, or 0 before the first, shape (n, 3).
+        """Sense of the last completed turn about each gyro's axis: +1, −1, or 0 before the first, shape (n, 3).
 
         A turn lasts from rest to rest. The rates are those at `time`.
         """
         sensed = self.rate if self.axes is None else self.rate @ self.axes.T
         moving, sense = np.abs(sensed).max(axis=1) > _TURNING, np.zeros_like(sensed)
-        sense[:] = 0.0 if self.turned is None else self.turned
+        sense[:] = 0.0 if self.initial_turn_senses is None else self.initial_turn_senses
         edges = np.flatnonzero(np.diff(moving.astype(np.int64), prepend=0, append=0))
         for begin, end in edges.reshape(-1, 2).tolist():
             angle = np.trapezoid(sensed[begin:end], self.time[begin:end], axis=0)
@@ -95,20 +95,20 @@ class Effect:
 
     cause: str  #: Name; code of the families ``cause`` and ``group`` of the message catalogue.
     unit: str  #: Unit of its sizes, SI.
-    #: Prior standard deviation of a size; None for the parameter's sigma before calibration. Without a prior, the size
-    #: for a regressor that is little more than noise would be absurd.
+    #: Prior standard deviation of a size; None for the parameter's sigma before calibration. Without a prior, a
+    #: regressor that is little more than noise would lead to an absurd size.
     plausible: float | None
     components: tuple[str, ...]  #: Names of the components: axes or pairs of axes, or "".
     #: Function (motion) -> channel errors per unit of a size, shape (n, r).
     regressors: Callable[[Motion], FloatArray]
     terms: tuple[Term, ...]  #: Errors of the channels.
-    #: Function (turn) -> velocity of the IMU in n that the model lacks, at the ends of the intervals, per unit of a
-    #: size, shape (n, 3, k), for an effect of the table; None for an effect of the sensors.
+    #: Function (turn) -> mean velocity of the IMU over the intervals, in ENU, that the model lacks, per unit of a size,
+    #: shape (n, 3, k), for an effect of the table; None for an effect of the sensors.
     velocity: Callable[[OuterTurn], FloatArray] | None = None
     is_state: bool = False  #: Whether a unit's model may contain it; otherwise it is only tested.
     between_sensors: bool = False  #: Whether it depends on both gyros and accelerometers.
     rarity: float = 0.0  #: χ² by which its evidence must exceed that of a common effect that resembles it.
-    on_table: bool = False  #: Whether it is tested only for the known motion of a table.
+    on_table: bool = False  #: Whether it is tested only if the motion of a table is known.
     #: Parameter that each component changes during the stage, by 1 per unit of its size; empty for a constant effect.
     parameters: tuple[str, ...] = ()
     begin: float = 0.0  #: Time in the stage before which its errors are zero, s.
@@ -131,7 +131,7 @@ class Effect:
         return self.parameters[component] if self.parameters else ""
 
 
-#: Terms of an effect with one regressor and one component for each gyro, or each accelerometer.
+#: Terms of an effect with one regressor and one component per gyro, or per accelerometer.
 OF_GYROS, OF_ACCELEROMETERS = (tuple(Term(first + i, i, i) for i in range(3)) for first in (0, 3))
 #: Axis of an accelerometer and another axis.
 _PAIRS = tuple((i, j) for i in range(3) for j in range(3) if i != j)
@@ -143,7 +143,7 @@ _SPECIAL_CASE = 15.0
 
 
 def _off_axis(m: Motion) -> FloatArray:
-    """Return the errors of two accelerometers displaced along the axis of the third, each by half the distance.
+    """Return the errors of two accelerometers displaced along the axis of the third, by plus and minus half a distance.
 
     The force at a displacement d is ω̇×d + ω×(ω×d), of which an accelerometer senses the component along its axis. The
     part common to both displacements is a lever arm.
@@ -164,10 +164,10 @@ def _flex(m: Motion) -> FloatArray:
 
 
 def _channel_delay(m: Motion) -> FloatArray:
-    """Return the errors of channels that are late, shape (n, 21): six for each gyro, and one for each accelerometer.
+    """Return the errors of delayed channels, shape (n, 21): six for each gyro, and one for each accelerometer.
 
     A gyro error dψ/dt in b, with ψ = 0 at rest, is equivalent to the gyro error −ω×ψ and the specific force error ψ×f,
-    which are smoother. The delay τ of gyro i is ψ = −τ ω_i e_i.
+    which contain no derivative of the rate. The delay τ of gyro i is ψ = −τ ω_i e_i.
     """
     gyros = [
         m.rate[:, [i]] * np.hstack([np.cross(m.rate, unit), np.cross(m.force, unit)])
@@ -177,25 +177,26 @@ def _channel_delay(m: Motion) -> FloatArray:
 
 
 def _low_pass(m: Motion) -> FloatArray:
-    """Return the errors of channels with a low-pass per half the variance c of its impulse response, shape (n, 6).
+    """Return the channel errors of a low-pass per unit of c, half the variance of its impulse response, shape (n, 6).
 
-    Beyond the common mean delay, which has no effect, the gyro error is c d²ω/dt². With ψ = c dω/dt, see
-    `_channel_delay`, and the force error c d²f/dt² of a constant force in n, dω/dt cancels in the force.
+    Apart from the mean delay, which is common to all channels and has no effect, the gyro error is c d²ω/dt². It is
+    replaced as in `_channel_delay` with ψ = c dω/dt. The force is constant in ENU, so the terms in dω/dt of its error
+    c d²f/dt² + ψ×f cancel.
     """
     return np.hstack([-m.coning_rate, np.cross(m.rate, np.cross(m.rate, m.force))])
 
 
 def _moving(m: Motion) -> FloatArray:
-    """Return 1 while the IMU turns and 0 at rest, shape (n, 1)."""
+    """Return 1 during a rotation and 0 at rest, shape (n, 1)."""
     return np.asarray(np.abs(m.rate).max(axis=1, keepdims=True) > _TURNING, np.float64)
 
 
 def _axis_offset(turn: OuterTurn) -> FloatArray:
-    """Return the mean velocity of the inner axis where it passes the outer axis u at d, per unit of two sizes.
+    """Return the mean velocity of the inner axis due to its offset d from the outer axis u, per unit of two sizes.
 
-    The sizes are the components of d along u × inner axis, and along the inner axis. The latter is part of the outer
-    lever arm, unless that is fixed. Both directions are fixed on the outer body, so their change divided by the
-    duration of the interval is the mean of q̇ u × d.
+    The sizes are the components of d along u × inner axis and along the inner axis. The latter is part of the outer
+    lever arm, unless the lever arm is fixed. Both directions rotate with the outer joint at its rate q̇, so their change
+    divided by the duration of the interval is the mean of q̇ u × d.
     """
 
     def directions(inner: FloatArray) -> FloatArray:

@@ -17,7 +17,7 @@ class FurtherParameter:
     name: str  #: Public name without the number of the IMU, e.g. ``secondary_gyro_matrix_xy``.
     unit: str  #: SI unit as written in files.
     group: str  #: Name without the axes.
-    neutral: float = 0.0  #: Value for a secondary that is identical to the primary.
+    neutral: float = 0.0  #: Value for a secondary IMU identical to the primary, or without the effect.
 
 
 #: Parameters of a secondary IMU relative to the primary, `secondary measured = C · primary + b`, in table order.
@@ -46,7 +46,7 @@ else:
     #: One of `EFFECT_STATES`.
     EffectName = Literal[EFFECT_STATES]
 
-#: Group of every parameter, of the 30 and the further ones of the second IMU, by name.
+#: Group of every parameter by name: the 30, those of a second IMU, and those of effects.
 GROUP_BY_NAME: dict[str, str] = {
     **{p.name: p.group for p in PARAMETERS},
     **{p.name: p.group for p in (*PAIR_PARAMETERS, *EFFECT_PARAMETERS)},
@@ -57,7 +57,7 @@ _FURTHER = {p.name: p for p in (*PAIR_PARAMETERS, *EFFECT_PARAMETERS)}
 
 
 def pair_name(name: str, number: int) -> str:
-    """Return the name of a pair parameter for IMU `number`; the name contains the number from the third IMU on."""
+    """Return the name of a pair parameter of IMU `number`; from the third IMU on, the name contains the number."""
     if number == 2:
         return name
     return name.replace("secondary_", f"secondary{number}_", 1) if "secondary" in name else f"{name}{number}"

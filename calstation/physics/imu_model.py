@@ -42,12 +42,12 @@ def _inverse(parameters: FloatArray, *groups: str) -> FloatArray:
 def compensate(c: Compensation, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return angular rate, rad/s, and specific force, m/s², at the reference point from raw mean rates, shape (n, 3).
 
-    Without gyros (output NaN), the specific force is computed as if the unit did not rotate. The second-order term is
-    found by three fixed-point iterations, whose relative error is (2 K2 f)³.
+    Without gyros (output NaN), the specific force is computed as if the unit did not rotate. Three fixed-point
+    iterations for the second-order term reduce its relative error from K2 f to 8 (K2 f)⁴.
 
     Parameters
     ----------
-    c : parameters of the compensation; see `compensation`
+    c : constants of the compensation; see `compensation`
     gyro, accel : raw mean rates, rad/s, and raw mean specific forces, m/s², shape (n, 3)
     """
     omega = (gyro - c.gyro_bias) @ c.gyro_inverse.T
@@ -65,13 +65,13 @@ def parameter_vector(values: Mapping[str, float]) -> FloatArray:
 
 
 def compose(old: Mapping[str, float], solved: Mapping[str, float]) -> dict[str, float]:
-    """Combine register values and a solution from the corrected output into all 30 parameters, by name, SI.
+    """Combine register values with a solution from output corrected by them into all 30 parameters, by name, SI.
 
-    Missing values count as 0. Parameters of effects in the solution are appended.
+    Missing values count as 0. Values of effects in the solution are added to those in the registers and appended.
 
-    With raw = (I + M_old) y + b_old and y = (I + M) ω + b, the raw output is
-    (I + M_old)(I + M) ω + (I + M_old) b + b_old. Second-order terms and levers, which act on the specific force itself,
-    add to first order. The accelerometer matrix stays lower triangular, as a product of lower triangular matrices.
+    With raw = (I + M_old) y + b_old and y = (I + M) ω + b, the raw output is (I + M_old)(I + M) ω + (I + M_old) b +
+    b_old. Second-order terms and levers, which act on the specific force itself, are added, which is correct to first
+    order. The accelerometer matrix stays lower triangular, as a product of lower triangular matrices.
     """
     old_vector, solved_vector = parameter_vector(old), parameter_vector(solved)
     result = old_vector + solved_vector

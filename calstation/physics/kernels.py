@@ -14,15 +14,15 @@ from typing import Any, TypeVar, cast
 import numba as nb
 
 F = TypeVar("F", bound=Callable[..., Any])
-#: Packages with kernels that call each other.
+#: Packages whose kernels call each other.
 _PACKAGES = ("physics", "estimation", "judgement")
 _MARK = "kernel_sources"
 
 
 def kernel(function: F) -> F:
-    """Compile a function when it is first called, or load it from the cache; other threads run meanwhile.
+    """Compile a function when it is first called, or load it from the cache; the compiled code releases the GIL.
 
-    The cache is next to the source or, in an installation that cannot be written, in the user's cache folder; without
+    The cache is next to the source or, in a read-only installation, in the user's cache folder; without
     either, every process compiles again.
     """
     try:

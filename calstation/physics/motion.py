@@ -1,4 +1,4 @@
-"""Step types of a plan, interpreted by the preview, the sequencer and the simulation."""
+"""Types of the steps of a plan, which the preview, the sequencer and the simulation execute."""
 
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -31,10 +31,10 @@ class RoundEnd:
 
 @dataclass(frozen=True)
 class ManualMove:
-    """Ask the operator to turn the rails of a manual rig to approximately these angles and to leave it at rest."""
+    """Ask the operator to turn the axes of a manual rig to approximately these angles and leave it at rest."""
 
-    outer: float  #: Target angle of the outer rail, rad, cumulative.
-    inner: float  #: Target angle of the inner rail, rad, cumulative.
+    outer: float  #: Target angle of the outer axis, rad, cumulative.
+    inner: float  #: Target angle of the inner axis, rad, cumulative.
     rest: float  #: Required rest at the position, s.
     travel_time: float  #: Expected time to reach the position, s.
     index: int  #: Number of this position, from 1.
@@ -51,7 +51,7 @@ class GimbalZero:
 
 @dataclass(frozen=True)
 class GimbalTurn:
-    """The next turn about a body axis, unless the axis is complete: rest, turn, rest, then correction of matrix K."""
+    """Turn about a body axis, unless the axis is complete: rest, turn, rest, then correct the matrix K."""
 
     axis: int  #: Index of the body axis.
     index: int  #: Number of this turn about the axis, from 1.
@@ -66,19 +66,19 @@ class GimbalTurn:
 
 @dataclass(frozen=True)
 class Soak:
-    """Hold a temperature of the chamber at rest until every unit's own temperature is steady."""
+    """Hold the temperature of the chamber, with the table at rest, until the temperature of every unit is steady."""
 
     temperature: float  #: Temperature of the chamber, °C.
     slope: float  #: Rate of change below which a unit is steady, K/min.
-    hold: float  #: Duration for which it must be steady, s.
-    timeout: float  #: Longest duration, s.
-    index: int  #: Number of this soak, from 1; 0 for one before a verification of registers.
+    hold: float  #: Time for which every unit must be steady, s.
+    timeout: float  #: Longest duration of the soak, s.
+    index: int  #: Number of this soak, from 1; 0 before a verification of registers.
     count: int  #: Total number of soaks.
 
 
 @dataclass(frozen=True)
 class Ramp:
-    """Begin a ramp of the chamber to a temperature, °C, at a rate, K/min, during the steps that follow."""
+    """Start a ramp of the chamber to a temperature, °C, at a rate, K/min, which continues during the next steps."""
 
     temperature: float
     rate: float
@@ -88,7 +88,7 @@ Step: TypeAlias = Move | Dwell | RoundEnd | ManualMove | GimbalZero | GimbalTurn
 
 
 def move_time(start: tuple[float, float], move: Move) -> float:
-    """Return the duration, s, of a move with a trapezoidal rate profile from joint angles `start`, rad."""
+    """Return the duration, s, of a move with trapezoidal or triangular rate from joint angles `start`, rad."""
     rate, acceleration = move.rate, move.acceleration
     distance = max(abs(move.outer - start[0]), abs(move.inner - start[1]))
     if distance * acceleration < rate * rate:

@@ -46,7 +46,7 @@ def _matrix(group: str, sensor: str, pairs: str, prior_sigma: float) -> list[Par
     ]
 
 
-#: All parameters, in the order used in state vectors, files and tables. The prior sigmas include consumer MEMS.
+#: All parameters, in the order of state vectors, files and tables. The prior sigmas are large enough for consumer MEMS.
 PARAMETERS: tuple[Parameter, ...] = tuple(
     _vector("gyro_bias", "gyro", "rad/s", 1e-2)
     + _vector("gyro_scale", "gyro", "1", 0.05)
@@ -77,7 +77,7 @@ def parameter_indices(name: str) -> list[int]:
 
 
 def targets_reached(sigma: FloatArray, targets: Mapping[str, float]) -> bool:
-    """Return whether every sigma with a target is at most equal to it; `sigma` has the shape (30,), SI."""
+    """Return whether no sigma exceeds its target; `sigma` has the shape (30,), SI."""
     return all(sigma[i] <= limit for name, limit in targets.items() for i in parameter_indices(name))
 
 

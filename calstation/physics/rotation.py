@@ -43,7 +43,7 @@ def rotation_matrix(rotvec: FloatArray) -> FloatArray:
 
 @kernel
 def rotate(rotvec: FloatArray, C: FloatArray) -> None:
-    """Replace C, shape (3, 3), by the rotation of a rotation vector, rad, times C."""
+    """Multiply C, shape (3, 3), in place from the left by the rotation matrix of a rotation vector, rad."""
     R = _compiled_rodrigues(rotvec[0], rotvec[1], rotvec[2])
     for j in range(3):
         x, y, z = C[0, j], C[1, j], C[2, j]

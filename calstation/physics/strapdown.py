@@ -1,7 +1,8 @@
 """Compiled strapdown navigation at the sample rate, with the transition matrix of its errors.
 
-The error states (`parameters`) are φ, δv, δp and the 30 parameters, where
-`C_true = (I + [φ×]) C_computed`, `v_true = v + δv`. With ω, f compensated with the assumed parameters:
+The error states (see `physics.parameters`) are φ, δv, δp and the 30 parameters, where
+`C_true = (I + [φ×]) C_computed`, `v_true = v + δv`. Errors are true minus computed.
+With ω, f compensated with the assumed parameters:
 
     φ̇  = −Ω×φ + C δω                 δv̇ = −[C f×] φ − 2Ω×δv + C δf              δṗ = δv
     δω = −(I+M_g)⁻¹ (δb_g + δM_g ω)
@@ -10,7 +11,7 @@ The error states (`parameters`) are φ, δv, δp and the 30 parameters, where
 References
 ----------
 P. G. Savage, *Strapdown Inertial Navigation Integration Algorithm Design*, J. Guidance Control Dynamics
-21(1-2), 1998: coning and sculling from the last and the current increment;
+21(1-2), 1998: coning and sculling terms from the previous and the current increment;
 the third-order term assumes constant ω and quadratic f over the sample.
 P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 14.
 """
@@ -61,10 +62,10 @@ class IntervalWork(NamedTuple):
 
 
 class Increments(NamedTuple):
-    """Motion of n samples with the assumed parameters, in b."""
+    """Motion during n samples in b, computed with the assumed parameters."""
 
     rate: FloatArray  #: Angular rate, rad/s, shape (n, 3).
-    rotation: FloatArray  #: Rotation during the sample relative to inertial space, by rows, shape (n, 9).
+    rotation: FloatArray  #: Rotation matrix of the sample relative to inertial space, by rows, shape (n, 9).
     velocity: FloatArray  #: Velocity increment, m/s, shape (n, 3).
 
 
@@ -152,7 +153,7 @@ def _increments(
     """Return rotation vector, rad, and velocity increment, m/s, in b over one sample.
 
     Both include coning and sculling terms. The velocity also includes the third-order term ωdt×(ωdt×f dt)/6, without
-    which gravity in a steadily rotating body is too small by (ω dt)²/6.
+    which a force perpendicular to a steady rotation would be too large by (ω dt)²/6.
     """
     coning = _cross_product(last_omega, omega)
     product = _cross_product(omega, force)
@@ -170,7 +171,7 @@ def _increments(
 
 @kernel
 def increments(c: Compensation, dt: float, gyro: FloatArray, accel: FloatArray) -> Increments:
-    """Compute the motion of n samples from their raw mean rates, rad/s and m/s², shape (n, 3), `dt` s apart.
+    """Compute the motion of n samples from their raw mean rates and specific forces.
 
     Parameters
     ----------
@@ -250,7 +251,7 @@ def propagate(
     earth, gravity : earth rate in n, rad/s, shape (3,), and gravity, m/s²
     dt : sample period, s
     motion : `increments` of all samples with these parameters
-    start, stop : samples of this interval; the one after it is used for the end rate
+    start, stop : samples of this interval; the next sample is used for the rate at its end
     work : state and output
     jacobian : whether to write the columns of the parameters and the Jacobian of the rate
     """
@@ -352,7 +353,7 @@ def _rate_columns(c: Compensation, omega: Vector, C: FloatArray, out: FloatArray
 
 @kernel
 def _size_effect_columns(c: Compensation, omega: Vector, C: FloatArray, out: FloatArray) -> None:
-    """Write C ∂f/∂p of the gyro parameters, on which f depends by the size effect, shape (3, ≥ 12)."""
+    """Write C ∂f/∂p of the gyro parameters, on which f depends through the size effect, shape (3, ≥ 12)."""
     x, y, z = omega
     lever, g = c.inner_lever, c.gyro_inverse
     for i in range(3):
@@ -406,7 +407,7 @@ def write_navigation_block(
     F : transition matrix, shape (n, n) with n of at least 9; changed in place
     earth : earth rate in n, rad/s, shape (3,)
     force_sum, force_moment : ∫f dt and ∬f dt² in n, m/s and m, shape (3,)
-    T : time, s
+    T : duration of the interval, s
     """
     for r, scale in ((_PHI, 1.0), (_DV, 2.0)):
         F[r, r + 1] = scale * earth[2] * T
@@ -454,7 +455,7 @@ def body_rotation(c: Compensation, dt: float, gyro: FloatArray, start: int, stop
 
 @kernel
 def dynamics(c: Compensation, omega: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return ∂ω/∂p and ∂f/∂p, SI, shape (3, 27), of all parameters but the outer lever at a given rate and force.
+    """Return ∂ω/∂p and ∂f/∂p, SI, shape (3, 27), of all parameters but the outer lever arm at a given rate and force.
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ class JointLimits:
         return self.low[joint] - 1e-9 <= angle <= self.high[joint] + 1e-9
 
     def limited(self, rate: float, acceleration: float) -> tuple[float, float]:
-        """Return a rate, rad/s, and an acceleration, rad/s², reduced to what both joints allow."""
+        """Return a rate, rad/s, and an acceleration, rad/s², reduced to the limits of both joints."""
         return min(rate, *self.rate), min(acceleration, *self.acceleration)
 
 
@@ -71,7 +71,7 @@ class GimbalJoints:
     rate: float
 
     def outside(self, joints: FloatArray) -> int | None:
-        """Return the index of a joint that is beyond its travel, rad, shape (3,); None if there is none."""
+        """Return the index of the first joint outside its travel at angles `joints`, rad, shape (3,), or None."""
         is_outside = [not low <= q <= high for q, (low, high) in zip(joints, self.travel, strict=True)]
         return is_outside.index(True) if any(is_outside) else None
 
@@ -90,7 +90,7 @@ class TableGeometry:
     orientation: Orientation = ALIGNED  #: Rotation from b to the platform's axes.
 
     def body_to_home(self, outer: float, inner: float) -> FloatArray:
-        """Return the rotation from b to the platform's axes at home at joint angles in rad, shape (3, 3)."""
+        """Return the rotation from b at given joint angles, rad, to the platform's axes at home, shape (3, 3)."""
         rotation = axis_rotation(self.outer_axis, outer) @ axis_rotation(self.inner_axis, inner)
         return rotation if self.orientation == ALIGNED else rotation @ np.array(self.orientation)
 
@@ -105,9 +105,9 @@ class TableGeometry:
         return axis_rotation((0.0, 0.0, 1.0), -azimuth) @ self.body_to_home(outer, inner)
 
     def nearest(self, joint: int, angle: float, near: float) -> float:
-        """Return `angle`, rad, plus the full turns that bring it nearest to `near`.
+        """Return the angle nearest to `near` that equals `angle`, rad, plus full turns and is within the travel.
 
-        Raises ConfigurationError if no such angle is within the travel.
+        Raises ConfigurationError if there is none.
         """
         turn = 2.0 * np.pi
         reachable = np.clip(near, self.limits.low[joint], self.limits.high[joint])
@@ -150,7 +150,7 @@ class TableGeometry:
     def body_turn(self, axis: FloatArray, near_inner: float) -> BodyTurn:
         """Return the joint motion that rotates about body direction `axis`, at the inner angle closest to `near_inner`.
 
-        Angles are in rad. Raises ConfigurationError if neither joint axis can be aligned with it within 5°.
+        Angles are in rad. Raises ConfigurationError if neither joint axis can be aligned with the direction within 5°.
         """
         a = self._on_platform(axis)
         w1, w2 = np.array(self.outer_axis), np.array(self.inner_axis)
@@ -168,7 +168,8 @@ class TableGeometry:
     def level_inner(self, near: tuple[float, float]) -> float:
         """Return the outer angle, rad, nearest `near`, that makes the inner axis horizontal.
 
-        Rotations about it are then observable from gravity. Return the outer angle of `near` if there is no such angle.
+        Gravity then makes rotations about the inner axis observable. Return the outer angle of `near` if there is no
+        such angle.
         """
         w1, w2 = np.array(self.outer_axis), np.array(self.inner_axis)
         # height of R(w1, o) w2 = a + b cos o + c sin o

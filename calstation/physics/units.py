@@ -18,7 +18,7 @@ MICRO_G = 1e-6 * STANDARD_GRAVITY
 #: Spaces of the width of a digit and of a decimal point.
 FIGURE_SPACE, POINT_SPACE = "\u2007", "\u2008"
 
-#: Display unit of a quantity that is not one of the 30 parameters, and its size in SI, by its SI unit.
+#: Display unit of a quantity and its size in SI, by the SI unit of the quantity.
 _BY_UNIT: dict[str, tuple[str, float]] = {
     "rad": ("″", ARCSECOND),
     "rad/s": ("°/h", DEGREE_PER_HOUR),
@@ -47,7 +47,7 @@ _BY_UNIT: dict[str, tuple[str, float]] = {
 #: Powers of a unit, from 0.
 _POWERS = ("⁰", "", "²", "³", "⁴", "⁵", "⁶")
 
-#: Display unit of each parameter group and its size in SI, which follow from its SI unit with three exceptions.
+#: Display unit of each parameter group and its size in SI, which follow from the SI unit with three exceptions.
 DISPLAY: dict[str, tuple[str, float]] = {
     **{p.group: _BY_UNIT[p.unit] for p in PARAMETERS},
     **{p.group: _BY_UNIT[p.unit] for p in (*PAIR_PARAMETERS, *EFFECT_PARAMETERS)},
@@ -95,16 +95,16 @@ def display(name: str, value: float) -> tuple[float, str]:
 
 
 def in_unit(value: float, size: float) -> str:
-    """Format an SI value in a unit of `size` in SI, with as many digits as the value has, at least 6 and at most 12."""
+    """Format an SI value in a unit of `size` in SI, with the number of digits of the value, from 6 to 12."""
     digits = len(Decimal(repr(float(value))).normalize().as_tuple().digits)
     text = f"{value / size:.{min(12, max(6, digits))}g}"
     return f"{Decimal(text):f}" if "e+" in text else text
 
 
 def limit_number(limit: float, size: float, value: float = math.nan) -> str:
-    """Format a limit in a unit, with as many digits as it was entered with, from two to four.
+    """Format a limit in a unit with the number of digits with which it was entered, from two to four.
 
-    It has more digits if the rounded limit contradicts the comparison of the value with the limit.
+    More digits are used if the value compares differently with the rounded limit than with the limit.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def limit_numbers(limit: float | tuple[float, float], size: float, value: float 
 def compared_number(
     text: str, size: float, value: float, *limits: float | tuple[float, float] | None, factor: float = 1.0
 ) -> str:
-    """Return the text of a value, or the value with more digits if the text contradicts the comparison with a limit.
+    """Return the text of a value, or the value with more digits if the text compares differently with a limit.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def compared_number(
     size : size of the unit in SI
     value : value, SI
     *limits : upper limits, or lower and upper limits, SI, formatted by `limit_numbers`; None for no limit
-    factor : factor of the text that the limits do not contain, as of an expanded uncertainty
+    factor : factor included in the text but not in `value` and the limits, such as a coverage factor
     """
     if not math.isfinite(value):
         return text

@@ -138,8 +138,8 @@ class StageChain:
         else:
             solution = replace(self.model_tests.with_states(solution), observability={}, tests=())
         if self._context.diagnostics:
-            turned = last_turns(solver.data(), solved.mean, self._context.turned)
-            self._context = replace(self._context, turned=turned)
+            senses = last_turns(solver.data(), solved.mean, self._context.initial_turn_senses)
+            self._context = replace(self._context, initial_turn_senses=senses)
         self._gravity = gravity_sensitivity(self._solved, solved, solution.estimated, self._gravity)
         self._solved, self.posterior = solved, solution.posterior
         gravity = self._context.site.relative_gravity_sigma

@@ -80,7 +80,7 @@ class OperatorGuide:
     def follow(self, step: ManualMove) -> None:
         """Wait, within `listening`, until the position of the step is completed or the operator ends the stage."""
         guide = self._guide
-        guide.ask(step.rest)
+        guide.set_required_rest(step.rest)
         while len(guide.now.positions) < step.index and not self.done:
             self._show(step, guide.now)
             self._control_loop.tick()

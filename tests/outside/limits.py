@@ -79,7 +79,10 @@ def limits_of(grade: GradeName, designed: bool = False) -> tuple[list[EffectLimi
         feed_until_targets(solver, data[stage], schedule)
         solution = solver.finish()
         posterior = solution.posterior
-        context = replace(context, turned=last_turns(solver.buffer.data(), posterior.mean, context.turned))
+        context = replace(
+            context,
+            initial_turn_senses=last_turns(solver.buffer.data(), posterior.mean, context.initial_turn_senses),
+        )
         assert solution.sensitivity is not None
         tests.add(stage, solution.sensitivity, solution.estimated)
     return tests.limits(posterior, CHI_SQUARE), posterior

@@ -25,7 +25,7 @@ def followed(block, imu, wanted=1.0, size=17):
         if not states or states[-1] != now.state:
             states.append(now.state)
         if len(now.positions) == 1:
-            guide.ask(wanted)
+            guide.set_required_rest(wanted)
     return guide, states
 
 

@@ -24,7 +24,7 @@ from calstation.physics import (
 FREE_AZIMUTH_SIGMA = np.pi / np.sqrt(3.0)
 #: Prior sigma of a tilt found from the accelerometers alone, rad: wide, so that the data dominate.
 FREE_TILT_SIGMA = 0.2
-#: Largest sigma of a gyrocompassed azimuth that is used as linearisation point, rad; otherwise headings are compared.
+#: Largest sigma of a gyrocompassed azimuth used as linearisation point, rad; above it, several headings are compared.
 AMBIGUOUS_AZIMUTH_SIGMA = 0.35
 #: Longest part of a rest that is used for alignment, s.
 LONGEST_REST = 20.0
@@ -39,13 +39,13 @@ class Start:
     begin: int  #: Index of the first sample, which is at rest.
     end: int  #: Index after the last sample.
     prior: FloatArray  #: Prior attitude C_bn, shape (3, 3).
-    prior_sigma: FloatArray  #: Sigma of the prior's attitude error φ in ENU, rad, shape (3,).
+    prior_sigma: FloatArray  #: Sigma of the attitude error φ of the prior, in ENU, rad, shape (3,).
     attitude: FloatArray  #: Attitude C_bn to linearise about, shape (3, 3).
     azimuth_sigma: float | None  #: Sigma of the gyrocompassed heading, rad; None if the azimuth is known.
 
 
 def starts(data: StageData, context: SolveContext, posterior: Posterior) -> list[Start]:
-    """Align every segment that contains a rest of at least `SHORTEST_REST`; omit the other segments.
+    """Return the initial attitude of every segment with a rest of at least `SHORTEST_REST`; omit the other segments.
 
     The rate at an observation is the mean of the samples before and after it. One sample is therefore omitted on either
     side of a gap, so that a rotation beyond the gap does not affect the rate at rest.
@@ -82,7 +82,7 @@ def _align(data: StageData, a: int, b: int, end: int, context: SolveContext, pos
 
 
 def start_tests(starts: Sequence[Start], attitudes: Sequence[FloatArray], site: Site) -> list[ModelTest]:
-    """Compare the solved start attitudes C_bn, shape (3, 3), with their priors; return a test unless there is none.
+    """Compare the solved start attitudes with their priors; return the test of the largest error, if there are starts.
 
     Parameters
     ----------
@@ -122,9 +122,9 @@ def _heading_offset(rate_level: FloatArray) -> float:
 def gyrocompass(
     rate_b: FloatArray, up_b: FloatArray, latitude: float, posterior: Posterior
 ) -> tuple[FloatArray, float]:
-    """Return C_bn from the mean specific force (level) and the mean rate (north), and the azimuth's sigma, rad.
+    """Return C_bn, levelled by the mean specific force and aligned to north by the mean rate, and the azimuth sigma.
 
-    The azimuth sigma equals the gyro bias sigma divided by Ω cos φ (IEEE Std 1780).
+    The azimuth's sigma, rad, is the sigma of the gyro bias divided by Ω cos φ with the latitude φ (IEEE Std 1780).
 
     Parameters
     ----------

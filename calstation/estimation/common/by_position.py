@@ -1,7 +1,7 @@
-"""Residuals of a stage per rest and move, and where they exceed their expected variance.
+"""Residuals of a stage by rest and move, and the location of an excess over their expected variance.
 
 For each rest and move, the innovations during it are tested, and the constant channel error that explains them best is
-estimated. The excess is in one rest or move, in all of one kind, or in the whole stage.
+estimated. An excess is located in one rest or move, in all of one kind, or in the whole stage.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -19,21 +19,22 @@ from calstation.physics import CHANNELS, JOINTS, FloatArray, IntArray
 
 #: Smallest rotation of a move, rad; earth rate is 0.25° per minute.
 SMALLEST_MOVE = np.deg2rad(1.0)
-#: Sigmas above which a rest or move is notable, and above which its data contradict the model.
+#: Number of sigmas above which a rest or move is notable, and above which its data contradict the model.
 NOTABLE, EXCESSIVE = 4.0, 5.0
 #: Smallest share of the excess that is attributed to rests or moves.
 _MIN_SHARE = 0.5
-#: Scatter is attributed to some rests or moves if their excess per component is this many times the excess elsewhere.
+#: Smallest ratio of the excess per component in some rests or moves to that elsewhere for scatter to be attributed to
+#: them.
 _MIN_DENSITY_RATIO = 2.0
 #: Fraction of the share that a constant error may leave unexplained; if it leaves more, the excess is scatter.
 _SCATTER = 0.15
-#: The excess is attributed to one rest or move if its share is this many times the share of any other.
+#: Smallest ratio of the share of one rest or move to that of any other for the excess to be attributed to it.
 _MIN_LEAD = 1.5
 #: For innovations that are not independent, rests or moves within this many sigmas of the worst are reported with it.
 _WITHIN_SIGMAS = 1.0
 #: Location of an excess: one rest or move, those with a common axis, all rests, all moves, or the whole stage.
 Location = Literal["rest", "move", "rests_up", "moves_about", "rests", "moves", "stage"]
-#: Location of rests or moves with a common axis, and location of all of them, by kind.
+#: Locations of those with a common axis and of all of them, by kind.
 _LOCATIONS: dict[str, tuple[Location, Location]] = {"rest": ("rests_up", "rests"), "move": ("moves_about", "moves")}
 
 
@@ -97,7 +98,7 @@ class PositionResidual:
     body: str  #: Signed body axis of a move, such as "-x"; "" at rest.
     angles: tuple[float, float]  #: Outer and inner encoder angle at the end, rad, NaN without encoders.
     freedom: int  #: Number of innovation components.
-    total: float  #: Sum of their squares.
+    total: float  #: Sum of the squares of the innovation components.
     excess: float  #: `total` as a standard normal deviate of the same probability.
     component: int  #: Component with the largest mean: 0, 1 or 2.
     mean: float  #: Mean of that component, in sigmas of the mean.
@@ -110,13 +111,13 @@ class PositionResidual:
 
     @property
     def worst(self) -> float:
-        """Largest test statistic of this rest or move, sigmas: from an error confined to it, if possible."""
+        """Largest test statistic of this rest or move, in sigmas; the constant error is preferred to the mean."""
         local = self.mean if self.channel is None else self.error / self.error_sigma
         return float(np.fmax(self.excess, abs(local)))
 
     @property
     def state(self) -> Literal["good", "caution", "bad"]:
-        """Verdict about `worst`."""
+        """Verdict on `worst`."""
         return "bad" if self.worst > EXCESSIVE else "caution" if self.worst > NOTABLE else "good"
 
     @property
@@ -131,7 +132,7 @@ class PositionResidual:
 
     @property
     def component_name(self) -> str:
-        """Name of `component`: a velocity component in the level frame, or a body axis without the 39-state filter."""
+        """Name of `component`: an axis of ENU for velocities of the 39-state filter, otherwise a body axis."""
         return "xyz"[self.component] if self.channel is None else ("east", "north", "up")[self.component]
 
     @property
@@ -268,7 +269,7 @@ def _spans(data: StageData, rests: RestResiduals, posterior: Posterior) -> list[
 
 
 def _rotation(data: StageData, start: int, stop: int, posterior: Posterior) -> tuple[str, float, str]:
-    """Return axis, angle, rad, and signed body axis of a rotation, see `PositionResidual`."""
+    """Return the axis, the angle, rad, and the signed body axis of a rotation, see `PositionResidual`."""
     rotation = (data.gyro[start:stop] - posterior.gyro_bias[0]).sum(axis=0) * data.dt
     k = int(np.argmax(np.abs(rotation)))
     signed = ("-" if rotation[k] < 0.0 else "+") + "xyz"[k]
@@ -283,11 +284,11 @@ def _rotation(data: StageData, start: int, stop: int, posterior: Posterior) -> t
 
 @dataclass(frozen=True)
 class Concentration:
-    """Rests and moves with most of the excess, and the kind of error."""
+    """Rests and moves that contain most of the excess, and whether it is a constant error or scatter."""
 
     location: Location
     rows: tuple[int, ...]  #: Indices of the rests and moves, the worst first.
-    share: float  #: Share of the excess of the squares.
+    share: float  #: Share of the stage's excess of squared innovations.
     signs: FloatArray | None = None  #: Sign by row of a common channel error; None for scatter.
     axis: str = ""  #: Axis that the rests or moves have in common.
 
@@ -296,8 +297,8 @@ def concentration(residuals: StageResiduals, *, white: bool) -> Concentration:
     """Find the fewest rests or moves of a stage that contain most of its excess.
 
     The excess is either scatter during these rests or moves, or the result of a constant channel error during them,
-    whose effect the filter spreads over all later ones. If the innovations are not `white`, the rests or moves with the
-    largest innovations are returned.
+    whose effect the filter spreads over all later ones. If the innovations are not `white`, the rests and moves with
+    the largest innovations are returned.
     """
     rows = residuals.rows
     if not white:
@@ -319,7 +320,7 @@ def _excess(rows: Sequence[PositionResidual]) -> float:
 
 
 def _single(residuals: StageResiduals) -> Iterator[Concentration]:
-    """Yield every rest and move, once with a constant error of all channels and once with the remaining scatter."""
+    """Yield every rest and move with the excess due to a constant error of the channels during it plus its scatter."""
     total, scores = _excess(residuals.rows), residuals.scores
     for k, row in enumerate(residuals.rows):
         remaining = _excess([row])

@@ -40,7 +40,7 @@ class Site:
 
     @property
     def relative_gravity_sigma(self) -> float:
-        """Relative standard deviation of gravity, which is added to that of the accelerometer scale factors."""
+        """Relative standard deviation of gravity, whose effect `with_gravity` includes in a covariance."""
         default = NORMAL_GRAVITY_SIGMA if self.gravity is None else SURVEYED_GRAVITY_SIGMA
         return (self.gravity_sigma or default) / self.local_gravity
 
@@ -52,20 +52,22 @@ class ImuModel:
     serial: str
     sample_rate: float  #: Hz
     output: str  #: "increment" (rad, m/s per count) or "rate" (rad/s, m/s² per count, mean over the sample).
-    gyro_lsb: float  #: Size of a gyro count, unit as for `output`.
-    accel_lsb: float  #: Size of an accelerometer count, unit as for `output`.
+    gyro_lsb: float  #: Size of a gyro count, in the unit given by `output`.
+    accel_lsb: float  #: Size of an accelerometer count, in the unit given by `output`.
     gyro_arw: float  #: Angle random walk, rad/√s.
     accel_vrw: float  #: Velocity random walk, m/s/√s.
     gyro_bias_instability: float = 0.0  #: rad/s
     accel_bias_instability: float = 0.0  #: m/s²
-    gyro_quantisation: float | None = None  #: Step to which the gyro output is rounded; None if it is one count.
-    accel_quantisation: float | None = None  #: The same for the accelerometers.
+    gyro_quantisation: float | None = (
+        None  #: Rounding step of the gyros, in the unit given by `output`; None for one count.
+    )
+    accel_quantisation: float | None = None  #: The same for accelerometers.
     bandwidth_hz: float | None = None  #: -3 dB bandwidth of a low-pass of all channels, Hz; None without one.
-    coning_compensated: bool = False  #: Whether a gyro increment is a rotation vector, which includes coning.
+    coning_compensated: bool = False  #: Whether gyro increments are rotation vectors, which include coning.
 
     @property
     def quantisation(self) -> tuple[float, float]:
-        """Steps to which the output of gyros and accelerometers is rounded, unit as for `output`; 0 for no rounding."""
+        """Rounding steps of gyros and accelerometers, in the units given by `output`; 0 without rounding."""
         gyro, accel = self.gyro_quantisation, self.accel_quantisation
         return self.gyro_lsb if gyro is None else gyro, self.accel_lsb if accel is None else accel
 
@@ -104,7 +106,8 @@ class TableModel:
     velocity_sigma: float = 1e-3  #: Sigma of the velocity observation made every `velocity_interval`, m/s.
     velocity_interval: float = 0.1  #: s
     orientation: Orientation = ALIGNED  #: Rotation from b to the platform's axes.
-    #: Position of the inner axis on the outer one, along outer × inner and along the inner axis at home, m.
+    #: Offset of the inner axis from the outer axis if they do not intersect: components along outer × inner and along
+    #: inner at home, m.
     axis_offset: tuple[float, float] = (0.0, 0.0)
     axis_offset_sigma: float = AXIS_OFFSET_SIGMA  #: m
 
@@ -123,7 +126,7 @@ class TableModel:
 class StoredCrossCalibration:
     """The last cross-calibration of a secondary IMU against the primary."""
 
-    #: Pair parameters, SI, by name without the IMU's number; a missing one has its value for identical IMUs.
+    #: Pair parameters, SI, by name without the IMU's number; a missing parameter has the value for identical IMUs.
     values: Mapping[str, float] = field(default_factory=dict)
     gyro_static: float | None = None  #: Deviation at rest immediately after the calibration, rad/s.
     accel_static: float | None = None  #: Deviation at rest immediately after the calibration, m/s².
@@ -154,11 +157,11 @@ class SolveContext:
     states: tuple[str, ...] = ()  #: Effects that are estimated in addition to the 30 parameters.
     #: Parameters as functions of the temperature; None if they are constant.
     temperature: TemperatureModel | None = None
-    #: Whether to compute what only the tests of data and model need: observability, diagnoses, and, for stages that no
-    #: effect of the table influences, the sensitivity to effects.
+    #: Whether to compute what only the tests of the data and the model need: observability, diagnoses and, for stages
+    #: without effects of the table, the sensitivity to effects.
     diagnostics: bool = True
     #: Sense of the last turn about each axis of b before the stage, +1, −1, or 0 without one.
-    turned: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    initial_turn_senses: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
 """Effect of a gravity error on a solution, which is common to all stages and does not average out.
 
-The data do not change if every force is multiplied by 1 + ε, the accelerometer matrix divided by it, the quadratic
-terms divided by its square, and the lever arms multiplied by it. Only the prior distinguishes the two cases. A stage
-therefore shifts its estimated parameters x along this direction u as if ε u were added to their prior: dx⁺/dε =
-dx⁻/dε + (I − P⁺ (P⁻)⁻¹)(u − dx⁻/dε).
+The data do not change if every force and the lever arms are multiplied by 1 + ε, the accelerometer matrix I + M_a is
+divided by it, and the quadratic terms by its square. Only the prior distinguishes the two cases. With a relative
+gravity error ε, a stage therefore shifts its estimated parameters x as if their true values had changed by ε u, with
+this direction u: dx⁺/dε = dx⁻/dε + (I − P⁺ (P⁻)⁻¹)(u − dx⁻/dε).
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ _POWERS = {"accel_misalign": -1.0, "accel_quadratic": -2.0, "inner_lever": 1.0, 
 
 
 def force_scaling(parameters: FloatArray) -> FloatArray:
-    """Return the parameter change u that compensates a relative change of all forces, with unchanged data."""
+    """Return the parameter change u per relative change of all forces for which the data do not change, shape (30,)."""
     u = np.zeros(COUNT)
     for group, power in _POWERS.items():
         at = list(group_indices(group))
@@ -65,9 +65,9 @@ def with_gravity(posterior: Posterior, sensitivity: FloatArray, sigma: float) ->
 
 
 def without_gravity(sigma: FloatArray, gravity: float) -> FloatArray:
-    """Return the sigmas, shape (30,), that amount to `sigma` together with the gravity error.
+    """Return `sigma`, shape (30,), without the contribution of gravity to the accelerometer scale factors.
 
-    `gravity` is the relative standard deviation of gravity. A sigma is 0 if the gravity error alone is larger.
+    `gravity` is the relative standard deviation of gravity. A sigma is 0 if this contribution is larger than it.
     """
     common = np.zeros(COUNT)
     common[list(group_indices("accel_scale"))] = gravity

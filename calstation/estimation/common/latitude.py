@@ -14,15 +14,15 @@ from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.common.stage import FORCE_STEP, row_maxima, true_intervals
 from calstation.physics import RATE, BoolArray, FloatArray, IntArray, compensate, compensation, group_indices, kernel
 
-#: Deviation, in standard deviations, that indicates a different latitude; noise exceeds it once in 10^9 cases.
+#: Deviation, in standard deviations, that indicates a different latitude; noise exceeds it in 2 of 10⁹ cases.
 SIGMAS = 6.0
-#: Tolerance for the deflection of the vertical and for rounding of the latitude, rad.
+#: Tolerance for the deflection of the vertical and the rounding of the latitude, rad.
 DEFLECTION = np.deg2rad(0.02)
 #: Largest sigma of the vertical rate, in units of earth rate, that distinguishes latitudes 5° apart.
 _SUFFICIENT = np.sin(np.deg2rad(5.0)) / SIGMAS
 #: Averaging window, s.
 _WINDOW = 1.0
-#: Smallest number of windows in a rest without the first and last one, during which the table may move.
+#: Smallest number of windows in a rest, not counting the first and the last one, during which the table may move.
 _MIN_WINDOWS = 3
 _MOVING = 3.0 * RATE
 _NEAR_POLE = 0.02
@@ -38,7 +38,7 @@ class LatitudeEstimate:
 
     @property
     def tolerance(self) -> float:
-        """Largest difference from a latitude that is consistent with the estimate, rad."""
+        """Largest difference of a latitude from the estimate at which they are consistent, rad."""
         return float(SIGMAS * self.sigma + DEFLECTION)
 
     def contradicts(self, other: "LatitudeEstimate") -> bool:
@@ -53,12 +53,12 @@ def resolves_earth_rate(imu: ImuModel) -> bool:
 
 
 class RestOutput:
-    """Collects the mean output over each second, independent of the division of the samples into blocks."""
+    """Collects the mean output over each second, whatever the division of the samples into blocks."""
 
     def __init__(self, imu: ImuModel) -> None:
         self._imu = imu
         self._width = max(round(_WINDOW * imu.sample_rate), 1)
-        #: Number of the current second, its number of samples, and their sum.
+        #: Number of the current second and its number of samples; sum of these samples.
         self._second, self._sum = np.array([-1, 0]), np.zeros(6)
         self._seconds: list[IntArray] = []
         self._means: list[FloatArray] = []
@@ -70,7 +70,7 @@ class RestOutput:
         self._means.append(means)
 
     def latitude(self, posterior: Posterior) -> LatitudeEstimate | None:
-        """Estimate the latitude from all rests so far; return None if it is less accurate than 5° in `SIGMAS`.
+        """Estimate the latitude from all rests so far; return None if `SIGMAS` of the vertical rate exceed those of 5°.
 
         The constant gyro biases are unknowns; rests with the unit upright and inverted separate them from earth rate.
         `posterior` contains the parameters solved so far; the sigmas of its gyro matrix enter the result's sigma.
@@ -111,7 +111,7 @@ class RestOutput:
 def _means(
     seq: IntArray, counts: FloatArray, valid: BoolArray, width: int, second: IntArray, total: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Return the numbers of the whole seconds, `width` samples each, that end in a block, and their mean counts.
+    """Return the numbers of the seconds, `width` samples each, that are completed in a block, and their mean counts.
 
     `second`, shape (2,), contains the number of the current second and its number of samples, `total`, shape (6,),
     their sum; both are updated in place.

@@ -15,12 +15,12 @@ Point = TypeVar("Point")
 Result = TypeVar("Result")
 
 MAX_ITERATIONS = 60
-#: The iteration has converged when its step is below this, in sigmas.
+#: Largest step of a converged iteration, in sigmas.
 CONVERGED = 1e-3
-#: Largest variance explained by the unknowns in a tested direction, in units of the noise variance. Near 1, products of
-#: unknowns, which the covariance does not include, may be as large as the noise.
+#: Largest variance due to the unknowns in a tested direction, in units of the noise variance. Near 1, the products of
+#: unknowns, which the linear covariance omits, may be as large as the noise.
 MAX_EXPLAINED = 0.1
-#: Smallest share of an innovation in the tested directions for which it is tested.
+#: Smallest share of an innovation that lies in the tested directions, for it to be tested.
 MIN_SHARE = 1e-6
 
 
@@ -51,12 +51,12 @@ class Redundancy:
 
     freedom: int  #: Number of independent directions in this part.
     total: float  #: Sum of the squares of the innovations in these directions, in units of sigma.
-    #: This part of each decorrelated innovation in units of its sigma, shape (m,); NaN if the unknowns explain it.
+    #: This part of each decorrelated innovation, in its sigmas, shape (m,); NaN if the unknowns can explain it.
     normalised: FloatArray
 
     @property
     def consistency(self) -> "Consistency":
-        """Mean square per degree of freedom and its band."""
+        """Mean square per degree of freedom, and its band."""
         return nis_consistency(self.total, self.freedom, 1)
 
 
@@ -98,8 +98,8 @@ def gauss_newton(
 ) -> tuple[Point, Result, bool]:
     """Repeat a Gauss-Newton step until it changes the unknowns by less than `CONVERGED` sigmas.
 
-    `step` returns the next linearisation point, the result at the last point, and the largest change of an unknown, in
-    sigmas. Return the last point and result, and whether the iteration has converged within `max_iterations`.
+    `step` returns the next linearisation point, the result at the current one, and the largest change of an unknown, in
+    sigmas. Return the last point and result, and whether the iteration converged within `max_iterations`.
     """
     point, result, change = step(start)
     for _ in range(max_iterations - 1):
@@ -121,13 +121,14 @@ def map_estimate(
     noisy: slice = slice(0, 0),
     groups: Collection[str] = GROUPS,
 ) -> MapResult:
-    """Maximise p(parameters, nuisances | observed), relinearising until `estimated` and nuisances converge.
+    """Maximise p(parameters, nuisances | observed), relinearising until `estimated` parameters and nuisances converge.
 
     The covariance form (Bell and Cathey, *The iterated Kalman filter update as a Gauss-Newton method*, IEEE TAC
     38(2), 1993) allows a prior sigma of zero. The Jacobian is computed by central differences.
 
     Parameters
     ----------
+    stage : name of the stage in the message
     model : (parameters, shape (30,); nuisances, shape (k,)) -> predicted observations, shape (m,)
     observed, noise : observed values and their variances, shape (m,)
     nuisance, nuisance_sigma : prior mean and sigma of the nuisance parameters, shape (k,)
@@ -171,7 +172,7 @@ def map_estimate(
 def _linearised(
     model: Callable[[FloatArray, FloatArray], FloatArray], point: FloatArray, scale: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return predicted observations and Jacobian, by central differences with steps `scale`; a step of 0 is omitted."""
+    """Return predicted observations and Jacobian, by central differences with steps `scale`; 0 for a step of 0."""
     predicted = model(point[:COUNT], point[COUNT:])
     columns = np.zeros((len(predicted), len(point)))
     for i in np.flatnonzero(scale):
@@ -183,14 +184,14 @@ def _linearised(
 
 
 def redundant_part(explained: FloatArray, noise: FloatArray, innovation: FloatArray) -> Redundancy:
-    """Return the part of `innovation` in the directions that the unknowns do not explain.
+    """Return the part of `innovation` in the directions that the unknowns cannot explain (`MAX_EXPLAINED`).
 
-    In the other directions (`MAX_EXPLAINED`) the unknowns absorb any innovation, and a test with a wide prior would
-    always pass: twelve free tilts and six parameters leave no redundancy in 18 observations. The tested directions are
-    independent, and their squares are χ² distributed. They are the classical parity space (J. E. Potter, M. C. Suman,
-    *Thresholdless redundancy management with arrays of skewed instruments*, AGARDograph 224, 1977), in which an unknown
-    with an accurate prior is treated as known. `normalised` contains the statistics of the w-test (W. Baarda, *A
-    testing procedure for use in geodetic networks*, 1968), each with a variance of 1, but correlated.
+    In the other directions, the unknowns absorb any innovation, and a test with a wide prior would always pass: twelve
+    free tilts and six parameters leave no redundancy in 18 observations. The innovations in the tested directions are
+    independent, and the sum of their squares is χ² distributed. They are the classical parity space (J. E. Potter, M.
+    C. Suman, *Thresholdless redundancy management with arrays of skewed instruments*, AGARDograph 224, 1977), in which
+    an unknown with an accurate prior is treated as known. `normalised` contains the statistics of the w-test (W.
+    Baarda, *A testing procedure for use in geodetic networks*, 1968), each with a variance of 1, but correlated.
 
     Parameters
     ----------
@@ -215,9 +216,9 @@ def redundant_part(explained: FloatArray, noise: FloatArray, innovation: FloatAr
 def consider_update(prior: Posterior, posterior: Posterior, estimated: BoolArray) -> Posterior:
     """Return the posterior of a consider (Schmidt) estimator, in which only the `estimated` parameters change.
 
-    The other parameters keep their mean and covariance, and the cross-covariances are updated. For data processed in
-    one batch the estimated part equals that of the full estimator (S. F. Schmidt, *Application of State-Space Methods*,
-    1966).
+    The other parameters keep their mean and covariance; the cross-covariances are those of the full update. For data
+    processed in one batch the estimated part equals that of the full estimator (S. F. Schmidt, *Application of
+    State-Space Methods*, 1966).
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
-"""Tests of the model against the data, diagnoses of their failure, and the agreement of a stage with earlier ones.
+"""Tests of the model against the data, diagnoses of failed tests, and the agreement of a stage with earlier ones.
 
 If the model is correct, the change of an optimal estimate by new data has the covariance P_before − P_after and is
-independent of P_after (J. A. Hausman, *Specification tests in econometrics*, Econometrica 46(6), 1978).
+uncorrelated with the error of the new estimate (J. A. Hausman, *Specification tests in econometrics*, Econometrica
+46(6), 1978).
 """
 
 import math
@@ -18,7 +19,7 @@ from calstation.physics import NAMES, PARAMETERS, display, display_by_unit
 
 #: Largest number of parameters listed in the message about a failed test.
 _MAX_SHIFTS = 3
-#: Smallest relative decrease of the variance in a direction for which the change in this direction is tested.
+#: Smallest relative decrease of the variance in a direction in which the change is tested.
 _MIN_DECREASE = 1e-4
 
 
@@ -30,8 +31,8 @@ class Diagnosis:
     size: float = math.nan  #: Estimated size, in `unit`; NaN if there is none.
     sigma: float = math.nan  #: Standard deviation of `size`.
     unit: str = "1"  #: SI
-    #: Shift of each parameter by the cause, estimate minus truth, in its sigmas, by name; of tests that compare two
-    #: estimates, the difference of these.
+    #: Shift of each parameter due to the cause, estimate minus truth, in sigmas, by name; for a test that compares two
+    #: estimates, their difference.
     parameter_shift: Mapping[str, float] = field(default_factory=dict)
     values: Mapping[str, Any] = field(default_factory=dict)  #: Further values of the message, JSON values.
 
@@ -44,8 +45,8 @@ class Diagnosis:
         )
         shifts = self.parameter_shift
         largest = sorted(shifts, key=lambda name: -abs(shifts[name]))[:_MAX_SHIFTS]
-        moves = [Text.of("cause.move", parameter=name, sigmas=shifts[name]) for name in largest]
-        size_values = {"size": size, "sigma": sigma, "unit": unit, "moves": moves, "stage": stage}
+        shift_texts = [Text.of("cause.move", parameter=name, sigmas=shifts[name]) for name in largest]
+        size_values = {"size": size, "sigma": sigma, "unit": unit, "moves": shift_texts, "stage": stage}
         text = Text(f"cause.{self.cause}", {**size_values, **values_from_json(self.values)})
         other = self.values.get("nearly_as_likely")
         return Text.of("cause.nearly_as_likely", cause=text, other=other) if other else text

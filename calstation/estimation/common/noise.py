@@ -1,6 +1,6 @@
 """Noise of IMU and table: spectral densities from the profiles for the filters, and noise measured at rest.
 
-If the noise measured in a stage exceeds the profile's, the larger value applies.
+If the noise measured in a stage exceeds that of the profile, the measured noise is used.
 """
 
 from collections.abc import Iterator
@@ -17,19 +17,20 @@ from calstation.physics import CHANNELS, FloatArray
 
 #: Correlation time of the Gauss-Markov process that models bias instability, s.
 BIAS_DRIFT_TIME = 200.0
-#: Sigma of that process in units of B, so that its Allan deviation at 100 s, half the correlation time, is 0.664 B.
+#: Sigma of that process in units of the bias instability B, for which its Allan deviation at 100 s, half the
+#: correlation time, is 0.664 B.
 BIAS_DRIFT_PER_INSTABILITY = 1.375
 #: Rounding step, in sigmas of a sample's noise, above which averaging does not reduce the rounding error.
 _COARSE = 2.5
-#: Time for which such an error is constant, s: the duration of a rest or of a turn at constant rate.
+#: Time for which such a rounding error is constant, s: the duration of a rest or of a turn at constant rate.
 _COARSE_TIME = 20.0
 #: Ratio to the profile's noise above which a unit or a table fails; a smaller excess increases the sigmas.
 MAX_NOISE = 3.0
 #: The same for the table, whose noise is measured with more scatter.
 MAX_TABLE_NOISE = 3.3
-#: Number of intervals of gyros during an interval between observations, so that short rests suffice.
+#: Number of intervals per interval between observations for gyros, so that short rests suffice.
 _PARTS = 4
-#: Averaging times in intervals, and the correlation of neighbouring ones as a factor of sigma.
+#: Averaging times in intervals, and the factor by which the correlation of neighbouring times increases a sigma.
 _TIMES, _OVERLAP = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128), 1.3
 #: Shortest averaging time at which the table's velocity affects the estimate, s.
 _SLOW_TIME = 0.4
@@ -39,13 +40,13 @@ _FINE = 3.0
 _MEDIAN, _LARGEST = 0.4549, 12.0
 #: Smallest number of independent values from which a variance is estimated.
 _MIN_COUNT = 10
-#: Smallest significant excess, in standard deviations and as a ratio; a smaller one is measurement scatter.
+#: Smallest significant excess, in standard deviations and as a ratio.
 _SIGMAS, _MIN_EXCESS = 5.0, 1.05
-#: Standard deviations of the means of three channels that are significant, and by which times may disagree.
+#: Smallest significant excess of the mean of three channels, and largest disagreement of averaging times, in sigmas.
 _MEAN_SIGMAS, _CONSISTENT = 3.5, 3.0
 #: Duration of the segments in which periodic motion at rest is detected, s, and their smallest and largest number.
 _SEGMENT, _MIN_SEGMENTS, _MAX_SEGMENTS = 4.0, 8, 60
-#: Number of frequencies on either side of a line from which its background is estimated, and smallest ratio to it.
+#: Number of frequencies on either side of a line for its background, and smallest ratio of the line to the background.
 _BACKGROUND, _LINE = 15, 12.0
 
 
@@ -65,10 +66,11 @@ def filter_noise(context: SolveContext) -> FilterNoise:
     """Return the noise densities for a filter.
 
     Quantisation q has variance q²/12. A rate output rounds every sample independently, which is white noise at the
-    sample rate. An increment output carries its remainder over to the next sample, so the error is one count per
-    observation interval. Bias instability B has an Allan floor of 0.664 B (IEEE Std 952-2020, annex C). It is modelled
-    as a first-order Gauss-Markov process about the constant bias, so that the estimate of the constant never degrades.
-    Coarse rounding (see `coarse_rounding`) is also modelled as white noise that is constant for `_COARSE_TIME`.
+    sample rate. An increment output carries the remainder over to the next sample, so only one rounding error remains
+    per observation interval. A bias instability B gives an Allan deviation floor of 0.664 B (IEEE Std 952-2020, annex
+    C). It is modelled as a first-order Gauss-Markov process about the constant bias, so that the estimate of the
+    constant never degrades. Coarse rounding (see `coarse_rounding`) is modelled as white noise with the density of an
+    error that is constant for `_COARSE_TIME`.
     """
     imu, table = context.imu, context.table
     interval = table.velocity_interval
@@ -83,11 +85,11 @@ def filter_noise(context: SolveContext) -> FilterNoise:
 
 
 def coarse_rounding(imu: ImuModel) -> tuple[float, float]:
-    """Return the sigmas of rate, rad/s, and force, m/s², due to rounding that averaging does not reduce, otherwise 0.
+    """Return the sigmas of rate, rad/s, and force, m/s², due to rounding that averaging does not reduce; 0 without it.
 
     The rounding errors of a constant input are independent only if the noise of a sample exceeds a fraction of the step
-    (B. Widrow and I. Kollár, *Quantization Noise*, Cambridge 2008, chapter 4); an increment output carries them over to
-    the next sample.
+    (B. Widrow and I. Kollár, *Quantization Noise*, Cambridge 2008, chapter 4); an increment output carries the rounding
+    error over to the next sample.
     """
     if imu.output == "increment":
         return 0.0, 0.0
@@ -124,12 +126,12 @@ def rest_mean_variance(context: SolveContext, duration: float) -> float:
 
 
 def rest_weights(data: StageData, context: SolveContext, start: int, stop: int) -> FloatArray:
-    """Return `slope_weights` for a rest, with which motion of bounded amplitude hardly changes a mean."""
+    """Return the `slope_weights` of a rest, for which motion of bounded amplitude hardly changes the mean."""
     return slope_weights(stop - start, max(round(filter_noise(context).interval / data.dt), 1))
 
 
 def rest_force(data: StageData, context: SolveContext, start: int, stop: int) -> tuple[FloatArray, float]:
-    """Return the mean specific force of a rest weighted with `slope_weights`, m/s², shape (3,), and its variance."""
+    """Return the mean specific force of a rest, weighted with `slope_weights`, m/s², shape (3,), and its variance."""
     force = rest_weights(data, context, start, stop) @ data.accel[start:stop]
     return np.asarray(force), rest_mean_variance(context, (stop - start) * data.dt)
 
@@ -149,10 +151,10 @@ class RestNoise:
     imu: FloatArray  #: Ratio of the white noise of each channel to the profile's, shape (6,).
     #: Variance of the table's velocity as a ratio to the profile's; NaN if there is no rest.
     table: float
-    #: Variance, (m/s)², of white velocity noise that has the measured density at low frequencies, on which the estimate
-    #: depends; 0 if it is not determined.
+    #: Variance, (m/s)², of white velocity noise with the density measured at low frequencies, which matter for the
+    #: estimate; 0 if it was not measured.
     slow_variance: float
-    table_is_quiet: bool  #: Whether the table certainly vibrates less than half as much as its profile specifies.
+    table_is_quiet: bool  #: Whether the table vibrates significantly less than half as much as its profile specifies.
     sway: Line | None  #: Periodic velocity of the table.
     rocking: Line | None  #: Periodic rotation of the table.
 
@@ -174,8 +176,8 @@ class RestNoise:
 class _Weights(NamedTuple):
     """Weights of mean velocities, or angles, over intervals for an averaging time of `width` intervals.
 
-    They are the third differences of triangular means of twice the averaging time, which do not depend on a linear
-    drift of the force, or rate, and hardly on periodic motion.
+    They are third differences of triangular means over twice the averaging time, which are independent of a linear
+    drift of the force, or rate, and nearly independent of periodic motion.
     """
 
     width: int
@@ -206,7 +208,7 @@ class _Weights(NamedTuple):
 
 @dataclass(frozen=True)
 class _Variances:
-    """Variances of the three channels of a sensor at the averaging times T at which they are known, in ascending order.
+    """Variances of the three channels of a sensor at those averaging times T at which they are known, ascending.
 
     They are in units of the variance due to white noise q of the force, or rate, so that a value is q + ρ c with white
     noise c of the velocity, or angle, and a ratio ρ that decreases as 1/T². (Compare the modified Allan variance and
@@ -214,7 +216,7 @@ class _Variances:
     """
 
     time: FloatArray  #: s, shape (k,).
-    value: FloatArray  #: Without the drift of the profile, shape (k, 3).
+    value: FloatArray  #: Variance minus that of the profile's bias drift, shape (k, 3).
     relative_sigma: FloatArray  #: Shape (k,).
     ratio: FloatArray  #: ρ, 1/s², shape (k,).
 
@@ -226,8 +228,8 @@ class _Variances:
     def white(self) -> tuple[FloatArray, FloatArray]:
         """Return the white noise of the channels and its sigma, shape (3,); the sigma is infinite if unknown.
 
-        A pair of times (T/2, T) determines the white noise beside a bounded velocity, or angle, with a flat spectrum.
-        Where the spectrum is not flat, the pairs disagree; then the short times are disregarded.
+        A pair of times (T/2, T) separates the white noise from a bounded velocity, or angle, with a flat spectrum. If
+        the spectrum is not flat, the pairs disagree, and the short times are disregarded.
         """
         halves = np.abs(self.time[:, None] - 0.5 * self.time) < 1e-9
         half, whole = np.nonzero(halves)
@@ -251,9 +253,9 @@ class _Variances:
 def rest_noise(data: StageData, context: SolveContext, gyro_bias: tuple[FloatArray, float]) -> RestNoise:
     """Measure the noise at all rests, which `find_rests` finds with `gyro_bias`.
 
-    A motion of the table has a bounded velocity and a bounded angle, so its share of the variance of means over a time
-    decreases faster with this time than that of an IMU's noise. An IMU's noise is significant only if it is at every
-    averaging time; otherwise the table moves. Rocking is sensed by the gyros and does not affect the estimate.
+    A motion of the table has a bounded velocity and a bounded angle, so its share of the variance decreases faster with
+    the averaging time than that of the IMU's noise. The noise of the IMU is too large only if it is significant at
+    every averaging time; otherwise the table moves. Rocking is sensed by the gyros and does not affect the estimate.
 
     Parameters
     ----------
@@ -275,8 +277,8 @@ def rest_noise(data: StageData, context: SolveContext, gyro_bias: tuple[FloatArr
     density, sigma = (values / expected for values in measured.density(ratios[3:] ** 2 * noise.force))
     if not len(density):
         return RestNoise(ratios, np.nan, 0.0, False, *lines)
-    mean, mean_sigma = density.mean(axis=1), sigma.mean(axis=1) / np.sqrt(3.0)  # scatter less than a channel
-    # each is decreased by its scatter, because the largest of several is too large
+    mean, mean_sigma = density.mean(axis=1), sigma.mean(axis=1) / np.sqrt(3.0)  # the mean scatters less
+    # decreased by the scatter, because the largest of several values is biased upward
     largest = np.where(density - _SIGMAS * sigma > _MIN_EXCESS**2, density - 2.0 * sigma, 0.0).max()
     largest = max(largest, np.where(mean - _MEAN_SIGMAS * mean_sigma > _MIN_EXCESS**2, mean - mean_sigma, 0.0).max())
     slow = np.max((mean - mean_sigma)[measured.time >= _SLOW_TIME], initial=0.0)
@@ -286,7 +288,7 @@ def rest_noise(data: StageData, context: SolveContext, gyro_bias: tuple[FloatArr
 
 
 def _excess(white: FloatArray, sigma: FloatArray) -> FloatArray:
-    """Return the ratios of the noise of three channels to the profile's, 1 for noise that is not significantly larger.
+    """Return the ratios of the noise of three channels to the profile's; 1 if the noise is not significantly larger.
 
     `white` and `sigma` are relative to the variance of the profile, shape (3,).
     """
@@ -301,7 +303,7 @@ def _excess(white: FloatArray, sigma: FloatArray) -> FloatArray:
 def _variances(
     samples: FloatArray, dt: float, rests: list[slice], stride: int, white: float, walk: float, step: float
 ) -> _Variances:
-    """Return the variances at the averaging times for which there are enough rests and the rounding is fine.
+    """Return the variances at the averaging times with enough data at rest and sufficiently fine rounding.
 
     Parameters
     ----------
@@ -333,7 +335,7 @@ def _variances(
 def _line(samples: FloatArray, dt: float, rests: list[slice]) -> Line | None:
     """Return the strongest periodic velocity, or angle, of the table at rest from the force, or rate; None if none.
 
-    A line of the mean spectrum of segments is significant if it exceeds the spectrum on either side many times.
+    A line in the mean spectrum of the segments is significant if it exceeds its background `_LINE` times.
     """
     length = round(_SEGMENT / dt)
     begins = [b for rest in rests for b in range(rest.start, rest.stop - length + 1, length)]
@@ -360,7 +362,7 @@ def _line(samples: FloatArray, dt: float, rests: list[slice]) -> Line | None:
 
 
 def with_measured_noise(context: SolveContext, measured: RestNoise) -> SolveContext:
-    """Return the context with the measured noise of the IMU, and of the table at rest, wherever it is larger."""
+    """Return the context with the measured noise of the IMU and of the table at rest where it is larger."""
     noise, imu = filter_noise(context), context.imu
     gyro, accel = (float(measured.imu[i : i + 3].max()) for i in (0, 3))
     if gyro > 1.0:

@@ -26,7 +26,7 @@ LONGEST_BLOCK = 20_000
 class PlannedSamples:
     """Simulates an ideal table and unit; time, joint angles, counter and step number continue from step to step.
 
-    An unknown azimuth is assumed to be north. `mount` is the rotation vector of the unit on the inner platform, rad;
+    An unknown azimuth is taken as 0 (north). `mount` is the rotation vector of the unit on the inner platform, rad;
     `joints` are the angles of the joints at the start, rad.
     """
 

@@ -16,7 +16,7 @@ from calstation.physics import FloatArray, IntArray, compensate, compensation, r
 
 #: Time omitted at the start of a rest, s, because the last microradians of table settling bias the mean rate.
 CREEP = 0.5
-#: Cosine of the largest angle between up and the body axis after which a rest is named, 30°.
+#: Cosine of the largest angle between up and the one body axis that names a rest, 30°.
 _UPWARD = np.cos(np.deg2rad(30.0))
 
 

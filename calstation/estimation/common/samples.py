@@ -1,4 +1,4 @@
-"""Blocks of samples, which are passed from the sequencer to the log and the solver."""
+"""Blocks of samples, which the sequencer passes to the log and the solver."""
 
 from dataclasses import dataclass, field, fields
 
@@ -9,7 +9,7 @@ from calstation.physics import BoolArray, FloatArray, IntArray
 #: Resolution of encoder angles, rad (2e-7″), coarse enough for angles stored in degrees to be read back exactly.
 ANGLE_STEP = 2.0**-40
 
-#: Largest magnitude of a value of a sample; no device sends a larger one, and its powers would overflow.
+#: Largest magnitude of a value in a sample; no device sends larger values, and their powers would overflow.
 LARGEST_VALUE = 1e20
 
 
@@ -30,8 +30,8 @@ class SampleBlock:
     others: FloatArray = field(default_factory=lambda: np.empty((0, 0, 6)))
     #: Angles x, y, z of a gimbal's joints, rad, NaN between polls, shape (n, 3); (n, 0) without a gimbal.
     joints: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
-    #: Station time at which each sample was read, s, NaN except for the last sample of each read, shape (n, 1); (n, 0)
-    #: if unknown.
+    #: Station time at which a sample was read, s, shape (n, 1); NaN except for the last sample of each read; (n, 0) if
+    #: unknown.
     station: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
     #: Temperature of the chamber's air, °C, NaN except for some samples, shape (n, 1); (n, 0) without a chamber.
     chamber: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
@@ -71,7 +71,7 @@ class SampleBlock:
         return SampleBlock(self.stage, *(getattr(self, name)[start:stop] for name in COLUMNS))
 
     def where(self, chosen: BoolArray) -> "SampleBlock":
-        """Return the chosen samples, a boolean per sample, as a block."""
+        """Return the samples for which `chosen`, shape (n,), is true as a block."""
         return SampleBlock(self.stage, *(getattr(self, name)[chosen] for name in COLUMNS))
 
 
@@ -103,7 +103,7 @@ def blocks_from(blocks: list[SampleBlock], seq: int) -> list[SampleBlock]:
 def snap_angles(angles: FloatArray) -> FloatArray:
     """Round angles in rad, of any shape, to `ANGLE_STEP`; NaN is preserved.
 
-    Drivers, logs and file readers all use this grid, so a solution does not depend on whether its angles were stored
-    in degrees in a file.
+    Drivers, logs and file readers all use this grid, so a solution does not depend on whether the angles were stored in
+    degrees in a file.
     """
     return np.round(np.asarray(angles) / ANGLE_STEP) * ANGLE_STEP

@@ -9,14 +9,14 @@ import numpy as np
 from calstation.errors import InputError
 from calstation.physics import FloatArray, IntArray
 
-#: Numbers of values of a counter before it wraps.
+#: Numbers of counts after which a counter wraps.
 SEQUENCE_MODULI = (2**8, 2**16, 2**32)
 _RESTART_SECONDS = 1.0
-#: Rate between two angles above which a turn was added or removed between them, rad/s; no table is as fast.
+#: Rate between two angles above which they are recorded modulo a turn, rad/s; no table is as fast.
 _FASTEST = np.deg2rad(720.0)
-#: Time between two angles, s, up to which the previous rate shows that a turn was added or removed, ...
+#: Largest time between two angles, s, for which their change is compared with that at the previous rate.
 _CONTINUOUS = 1.5
-#: ... and the change of angle, and its difference from the change at the previous rate, that show it, rad.
+#: Change of angle, and its difference from the change at the previous rate, above which a turn was skipped, rad.
 _JUMP = np.deg2rad(270.0)
 
 
@@ -33,8 +33,8 @@ class SequenceUnwrapper:
     """Converts a logged counter to a strictly increasing one, chunk by chunk.
 
     A drop from near 2^8, 2^16 or 2^32 to near 0 with continuous time is a wrap. A drop with a jump in time is a reset,
-    after which the count advances by the number of samples in the jump, with at least one missing. If the unit's clock
-    restarted together with its counter, the time continues in the same way. Any other decrease is an error.
+    at which the count advances by the number of sample periods in the jump, at least 2. If the unit's clock restarts
+    together with its counter, the count and the time advance by 2 samples. Any other decrease is an error.
     """
 
     def __init__(self, sample_period: float) -> None:
@@ -126,8 +126,8 @@ _ROUNDING = 0.01
 class AngleUnwrapper:
     """Makes the angles of a table cumulative, chunk by chunk, if they are recorded modulo a whole turn.
 
-    Angles that are cumulative already do not change, even if the table turns between two polls: such angles leave the
-    range of a turn somewhere in the recording. The result does not depend on the division into chunks.
+    Cumulative angles remain unchanged, even if the table turns between two polls: they exceed the range of one turn
+    somewhere in the recording. The result does not depend on the division into chunks.
     """
 
     def __init__(self, spans: Callable[[], FloatArray]) -> None:
@@ -160,7 +160,7 @@ class _LastAngle:
     def unwrap(self, time: FloatArray, angles: FloatArray, is_modulo: Callable[[], bool]) -> FloatArray:
         """Return the next angles of the column, rad, shape (n,).
 
-        `is_modulo` returns whether all angles of the recording are within a turn. It is only called for a jump.
+        `is_modulo` returns whether all angles of the recording are within a turn. It is called only at a jump.
         """
         polled = np.flatnonzero(np.isfinite(angles))
         if not len(polled):

@@ -17,9 +17,9 @@ from calstation.physics import BoolArray, FloatArray, IntArray, kernel
 
 #: Width of the averaging window of rest detection, s.
 REST_WINDOW = 0.5
-#: At rest the rate minus the bias is below this many sigmas of the bias ...
+#: Largest rate minus bias at rest, before noise: this many sigmas of the bias ...
 BIAS_SIGMAS = 3.0
-#: ... plus this rate, rad/s.
+#: ... plus this rate, rad/s, which includes earth rate.
 REST_RATE = np.deg2rad(0.1)
 #: Time omitted at both ends of a rest, s, because a table creeps before it settles.
 REST_MARGIN = 0.3
@@ -95,7 +95,7 @@ def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
 def sensor_rates(
     counts: FloatArray, imu: ImuModel, segments: Sequence[tuple[int, int]]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the mean rates, rad/s, and forces, m/s², of samples without the filters that the profile states.
+    """Return the mean rates, rad/s, and forces, m/s², of samples; undo the coning and low-pass stated in the profile.
 
     Parameters
     ----------
@@ -126,8 +126,8 @@ def _without_coning(rate: FloatArray, dt: float) -> FloatArray:
 def _without_low_pass(values: FloatArray, half_variance: float) -> FloatArray:
     """Remove a low-pass from samples, shape (n, 3), except its mean delay, which is common to all channels.
 
-    The output is x + c d²x/dt² to second order, with half the variance c of the impulse response, here in samples². The
-    second derivative is taken over so many samples that the noise grows little.
+    To second order, the output is x + c d²x/dt², where c is half the variance of the impulse response, here in
+    samples². The second derivative is taken over enough samples to limit the increase of the noise.
     """
     step = max(1, int(np.ceil(2.0 * np.sqrt(half_variance))))
     padded = np.pad(values, ((step, step), (0, 0)), mode="edge")
@@ -136,7 +136,7 @@ def _without_low_pass(values: FloatArray, half_variance: float) -> FloatArray:
 
 
 class StageBuffer:
-    """Stores the samples of a stage until it is solved; all but the latest of a long stage are in a temporary file."""
+    """Stores the samples of a stage until it is solved; the older samples of a long stage are in a temporary file."""
 
     def __init__(self, imu: ImuModel) -> None:
         self._imu = imu
@@ -187,7 +187,7 @@ def _scaled(counts: FloatArray, size: float) -> FloatArray:
 
 
 def _time_jumps(seq: IntArray, time: FloatArray, dt: float) -> BoolArray:
-    """Return whether each step of the time is a permanent jump instead of jitter of arrival times, shape (n − 1,)."""
+    """Return whether the time jumps permanently after each sample, not only by jitter of arrival, shape (n − 1,)."""
     jumps = np.abs(np.diff(time) - dt) > 0.5 * dt
     late = time - seq * dt
     for k in np.flatnonzero(jumps & (np.diff(seq) == 1)):
@@ -256,10 +256,11 @@ def find_rests(
 ) -> list[tuple[int, int]]:
     """Find the rests (start, stop) of a stage, or of some of its segments.
 
-    Rates are averaged over `REST_WINDOW`. The median of the windows in which they are small (`BIAS_SIGMAS`, 5 sigma of
-    noise, `REST_RATE`) and constant is the rate at rest, the sum of bias and earth rate. A rest is an interval in which
-    no window differs from that rate by more than noise plus 0.03 °/s (earth rate is 0.004 °/s), which excludes table
-    creep. A step of the specific force (`FORCE_STEP`) separates two rests even without a recorded rotation.
+    Rates are averaged over `REST_WINDOW`. The rate at rest, the sum of bias and earth rate, is the median of the
+    windows in which the rate is small (`BIAS_SIGMAS`, 5 sigma of noise, `REST_RATE`) and constant. A rest is an
+    interval in which no window differs from it by more than noise plus 0.03 °/s (earth rate is 0.004 °/s), which
+    excludes table creep. A step of the specific force (`FORCE_STEP`) separates two rests even without a recorded
+    rotation.
 
     Parameters
     ----------
@@ -292,8 +293,8 @@ def find_rests(
 def no_rest_error(data: StageData, imu: ImuModel, posterior: Posterior) -> InsufficientDataError:
     """Return the error for a recording without a rest.
 
-    Its values are the smallest rate and rate change of a window, NaN for a recording shorter than two windows, and the
-    largest ones accepted by `find_rests`, °/s.
+    Its values, °/s, are the smallest rate and rate change of a window, NaN for a recording shorter than two windows,
+    and the largest values that `find_rests` accepts.
     """
     bias, sigma = posterior.gyro_bias
     width, rate, change = max(round(REST_WINDOW / data.dt), 2), np.nan, np.nan
@@ -349,7 +350,7 @@ def _still(rate: FloatArray, at_rest: FloatArray, max_difference: float) -> Bool
 
 @kernel
 def _split(accel: FloatArray, width: int, still: BoolArray) -> None:
-    """Clear `still` for the windows whose mean force differs from that of the preceding or following window."""
+    """Clear `still` for windows whose mean force differs from the preceding or following one by over `FORCE_STEP`."""
     step = FORCE_STEP * width
     for j in range(3):
         current = previous = 0.0  # sums over a window and over the preceding one
@@ -373,8 +374,8 @@ def true_intervals(flags: BoolArray) -> list[tuple[int, int]]:
 def slope_weights(count: int, stride: int) -> FloatArray:
     """Return weights for the mean force of a rest, shape (count,), equivalent to fitting a line to mean velocities.
 
-    The means are over `stride` samples, the interval at which their noise is independent; the remainder of a rest is
-    omitted. For white velocity noise this is the best linear unbiased estimate of the mean.
+    The means are over `stride` samples, between which the noise is independent; the remainder of a rest is omitted. For
+    white velocity noise this is the best linear unbiased estimate of the mean.
     """
     blocks = max(count // stride - 1, 1)
     j = np.arange(1, blocks + 1)

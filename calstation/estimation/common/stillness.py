@@ -33,11 +33,11 @@ CUT_WINDOW = 0.15
 CUT_STEP = 2.0
 #: Largest noise of a rest without gyros, relative to the quietest windows, rms over the axes.
 MAX_FORCE_NOISE = 2.0
-#: Largest change of the mean force from one window to the next at rest without gyros, in sigmas of its noise, ...
+#: Largest change of the mean force between windows at rest without gyros: this many sigmas of its noise ...
 STEADY_FORCE = 6.0
-#: ... plus this change, m/s².
+#: ... plus this force, m/s².
 CREEP_FORCE = 0.02
-#: Duration of an interval that is too short for a rest, but no pause in a motion, relative to the shortest rest.
+#: Smallest duration of an interval that counts as a rest that is too short, relative to the shortest rest.
 NEARLY_LONG = 0.4
 #: Standard deviation of the rate at rest about the mean rate of the quietest windows, rad/s.
 RESTING_RATE_SIGMA = np.deg2rad(0.2)
@@ -62,8 +62,8 @@ class Stillness:
     gyro_noise: float  #: White noise at rest, rad/√s.
     accel_noise: float  #: White noise at rest, m/s/√s.
     rate: FloatArray  #: Mean raw rate at rest, rad/s, shape (3,).
-    cuts: tuple[int, ...] = ()  #: Index of the first sample after each cut, which is not a gap in the counter.
-    too_short: int = 0  #: Number of intervals of stillness that are too short for a rest.
+    cuts: tuple[int, ...] = ()  #: Index of the first sample after each cut; a cut is not visible in the counter.
+    too_short: int = 0  #: Number of rests that are too short.
 
 
 def find_stillness(data: StageData, imu: ImuModel, shortest: float = SHORTEST_REST) -> Stillness:

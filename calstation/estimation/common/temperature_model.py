@@ -8,13 +8,13 @@ import numpy as np
 
 from calstation.physics import COUNT, PARAMETERS, FloatArray
 
-#: Number of temperatures at which the largest value and sigma over a range are searched.
+#: Number of temperatures among which the largest value and sigma over a range are found.
 _TEMPERATURES = 101
 
 
 @dataclass(frozen=True)
 class Column:
-    """One coefficient: it multiplies a power of the temperature relative to the reference, or its rate of change."""
+    """Coefficient of a power of the temperature relative to the reference, or of its rate of change."""
 
     parameter: int  #: Index of the parameter.
     power: int | None  #: None for the term in the rate of change.
@@ -22,15 +22,15 @@ class Column:
 
 @dataclass(frozen=True)
 class TemperatureModel:
-    """Orders of the polynomials, and the temperatures for which they hold, °C."""
+    """Orders of the polynomials, and their reference temperature and range of validity, °C."""
 
     reference: float
     range: tuple[float, float]
     order: Mapping[str, int] = field(default_factory=dict)  #: Order by group; 0 for other groups.
     rate_term: frozenset[str] = frozenset()  #: Groups with a term in the rate of change.
     held_out: tuple[float, ...] = ()  #: Temperatures that are measured and compared, but not fitted.
-    is_automatic: bool = False  #: Whether the data determine the orders of the groups without one.
-    has_lag: bool = False  #: Whether gyros and accelerometers lag behind the temperature sensor.
+    is_automatic: bool = False  #: Whether the data determine the orders of groups that are not in `order`.
+    has_lag: bool = False  #: Whether the temperatures of gyros and accelerometers lag behind that of the sensor.
 
     @cached_property
     def columns(self) -> tuple[Column, ...]:
@@ -58,7 +58,7 @@ class TemperatureModel:
     def basis(self, temperature: float | FloatArray, rate: float | FloatArray = 0.0) -> FloatArray:
         """Return the parameters per unit of each scaled coefficient, shape (30, columns).
 
-        A coefficient of a power k is scaled by `span` to the power k, that of the rate of change by 1 K/min.
+        The coefficient of power k is scaled by `span` to the power k, and that of the rate of change by 1 K/min.
 
         Parameters
         ----------
@@ -83,5 +83,5 @@ class TemperatureModel:
 
     @property
     def scale(self) -> FloatArray:
-        """Factors from scaled coefficients to those per K and per K/s, shape (columns,)."""
+        """Factors from scaled coefficients to those per K^k and per K/s, shape (columns,)."""
         return np.array([60.0 if c.power is None else self.span**-c.power for c in self.columns])

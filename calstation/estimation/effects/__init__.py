@@ -1,4 +1,4 @@
-"""Tests for effects outside the error model, one added effect at a time (score tests)."""
+"""Score tests for effects outside the error model, one added effect at a time."""
 
 from calstation.estimation.effects.evidence import (
     MAX_EXCESS,

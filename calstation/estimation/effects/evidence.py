@@ -14,8 +14,8 @@ MAX_CHI2_DIFFERENCE = 10.0
 MAX_SIZE = 10.0
 #: Cause if the likeliest effect does not explain the data.
 NO_SINGLE_EFFECT = "no_single_effect"
-#: Largest fraction of the excess of a constant effect, or of a change, that may remain with it in the model: the
-#: linearisation is an approximation, and the tested drifts and jumps have approximately the course of a change.
+#: Largest fraction of the excess that may remain with a constant effect, or a change, in the model, because the
+#: linearisation is approximate, and the tested drifts and jumps only approximate the time course of a change.
 _MAX_REMAINING = (0.02, 0.1)
 
 
@@ -31,9 +31,9 @@ class EffectEvidence:
     size: float  #: Estimated size of the component, in `unit`.
     sigma: float
     unit: str
-    #: Shift of each estimated parameter by the effect, estimate minus truth, in its sigmas.
+    #: Shift of each estimated parameter due to the effect, estimate minus truth, in sigmas.
     parameter_shift: dict[str, float]
-    largest_size: float  #: Largest size of a component in its prior sigmas.
+    largest_size: float  #: Largest size of a component, in its prior sigmas.
     remaining: "EffectEvidence | None" = None  #: The likeliest other effect in addition to this one, if it was tested.
 
     @property
@@ -48,7 +48,7 @@ class EffectEvidence:
 
     @property
     def is_harmful(self) -> bool:
-        """Whether the effect, or what remains with it in the model, shifts a parameter significantly."""
+        """Whether the effect, or another that remains with it in the model, shifts a parameter significantly."""
         harmful_rest = self.remaining is not None and self.remaining.largest_shift > MIN_SHIFT
         return self.largest_shift > MIN_SHIFT or (self._remains and harmful_rest)
 
@@ -67,8 +67,7 @@ class EffectEvidence:
 def likeliest(evidence: Sequence[EffectEvidence]) -> EffectEvidence | None:
     """Return the likeliest harmful effect, otherwise the likeliest effect if it is significant, or None.
 
-    `evidence` contains all effects, the likeliest first. An effect nearly as likely as the first may be the harmful
-    one.
+    `evidence` contains all effects, the likeliest first. A harmful effect nearly as likely as the first is preferred.
     """
     if not evidence:
         return None
@@ -102,21 +101,21 @@ def effect_tests(evidence: Sequence[EffectEvidence]) -> tuple[ModelTest | None, 
 
 @dataclass(frozen=True)
 class StateEvidence:
-    """Evidence for a state of the model, and for the effects outside the model in its place, the likeliest first."""
+    """Evidence for a state of the model, and for the effects outside the model instead of it, the likeliest first."""
 
     state: EffectEvidence
     others: Sequence[EffectEvidence]
 
     @property
     def alike(self) -> list[EffectEvidence]:
-        """Effects that are nearly as likely or likelier but yield the same parameters."""
+        """Effects that are nearly as likely or likelier, and yield the same parameters."""
         return [other for other in self._likely if self._shift(other) <= MIN_SHIFT]
 
     @property
     def test(self) -> ModelTest | None:
         """Test of the likeliest effect that yields other parameters; None if the state is not significant.
 
-        If it is nearly as likely as the state, the data do not tell which parameters are right.
+        If this effect is nearly as likely as the state, the data do not show which parameters are correct.
         """
         others = [other for other in self.others if self._shift(other) > MIN_SHIFT]
         if self.state.excess <= MAX_EXCESS or not others:

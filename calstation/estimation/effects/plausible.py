@@ -1,6 +1,6 @@
 """Plausible changes of biases and scale factors within a run, from the stability of the unit.
 
-An impossible size does not explain data; without this bound, a change on which the data hardly depend would fit them.
+Without this bound, an impossibly large change that hardly affects the data would explain them.
 """
 
 from collections.abc import Mapping

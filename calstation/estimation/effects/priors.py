@@ -1,4 +1,4 @@
-"""Priors of effects: sizes that are known before a calibration."""
+"""Prior sizes of effects before a calibration."""
 
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ _OFFSET = next(effect for effect in EFFECTS if effect.cause == "axis_offset")
 
 
 def plausible(effect: Effect) -> EffectPrior:
-    """Return the prior of an effect about which nothing is known."""
+    """Return the prior of an effect without further knowledge: mean 0 and its plausible size."""
     count = len(effect.components)
     return EffectPrior(count * (0.0,), count * (effect.plausible or float("nan"),))
 
@@ -26,9 +26,9 @@ def known_effects(before: FloatArray, context: SolveContext) -> dict[str, Effect
     """Return the priors of the effects for which the profiles of table and IMU give values, by cause.
 
     Without a state `axis_offset`, the profile of the table bounds the offset. If the outer lever arm is estimated, it
-    is measured from the point of the inner axis that the profile states, and the offset along that axis is fixed. A
-    low-pass in the profile of the IMU has been removed from the samples as one of first order; the variance of the
-    impulse response of other filters with the same bandwidth is between 0 and twice that.
+    includes any offset along the inner axis, which is therefore fixed to the value in the profile. A low-pass in the
+    profile of the IMU has been removed from the samples as a first-order filter; for other filters with the same
+    bandwidth, the variance of the impulse response is between 0 and twice the first-order value.
 
     Parameters
     ----------
@@ -44,10 +44,10 @@ def known_effects(before: FloatArray, context: SolveContext) -> dict[str, Effect
 
 
 def possible_signs(context: SolveContext) -> dict[str, int]:
-    """Return the only possible sign of each size that cannot have both signs, by cause.
+    """Return the sign of each size that can have only one sign, by cause.
 
-    The size of a low-pass is negative only if the profile of the IMU states one that is stronger than the real one. A
-    compensation for coning is either missing in the data or in the profile.
+    The size of a low-pass is negative only if the low-pass in the profile of the IMU is stronger than the real one. A
+    coning compensation is missing either in the data or in the profile.
     """
     coning = {"coning": -1 if context.imu.coning_compensated else 1}
     return coning if context.imu.half_variance else {"low_pass": 1, **coning}

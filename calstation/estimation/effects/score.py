@@ -3,7 +3,7 @@
 The test of one additional effect of size θ requires only the estimate without it: χ² = Uᵀ I⁻¹ U with the score U = Σ Jᵀ
 S⁻¹ ν and the information I = Σ Jᵀ S⁻¹ J (C. R. Rao, *Proc. Cambridge Phil. Soc.* 44, 1948; for jumps in state-space
 models: P. de Jong, J. Penzer, *Diagnosing shocks in time series*, JASA 93(442), 1998). The estimated size is I⁻¹ U, and
-the resulting errors of the parameters are D I⁻¹ U, with D the errors per unit of size.
+the resulting errors of the parameters, truth minus estimate, are D I⁻¹ U with the errors D per unit of size.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,8 +31,8 @@ class EffectLimit:
     stage: str  #: As in `EffectEvidence`.
     size: float  #: Size at which χ² reaches its limit, in `unit`; infinite if the innovations do not depend on it.
     unit: str
-    moved: str  #: Estimated parameter that this size shifts most.
-    move: float  #: Error of this parameter due to this size, in its sigmas.
+    shifted_parameter: str  #: Estimated parameter that this size shifts most.
+    shift: float  #: Shift of this parameter due to this size, in its sigmas.
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class EffectEstimate:
     covariance: FloatArray  #: Shape (k, k).
     error: FloatArray  #: Parameter error due to each effect per unit of its size, shape (30, k).
     explained: float  #: Part of the last stage's sum of squared innovations explained by the effects.
-    #: Covariance of parameters that the effects and the other parameters can replace, shape (30, 30).
+    #: Additional covariance of lever arms that the data cannot distinguish from the effects, shape (30, 30).
     gauge: FloatArray
 
     def correct(self, posterior: Posterior) -> Posterior:
@@ -74,22 +74,22 @@ class EffectEstimate:
 
 @dataclass(frozen=True)
 class ModelledEffects:
-    """Contributions of the effects in the model to a solution without them, about their prior means."""
+    """Contributions of the effects in the model, relative to their prior means, to a solution without effects."""
 
     change: FloatArray  #: Change of the parameters due to the prior means, shape (30,).
     error: FloatArray  #: Parameter error due to each effect per prior sigma of its size, shape (30, k).
     score: FloatArray  #: Score of the sizes in prior sigmas, shape (k,).
-    information: FloatArray  #: Information about them, shape (k, k).
+    information: FloatArray  #: Information about these sizes, shape (k, k).
 
     def explained(self, size: FloatArray) -> float:
-        """Return the part of the sum of squared innovations that effects of sizes in prior sigmas, (k,), explain."""
+        """Return the part of the sum of squared innovations explained by effects of `size`, in prior sigmas, (k,)."""
         return float(2.0 * self.score @ size - size @ self.information @ size)
 
 
 class EffectTests:
     """Tests for all effects over the stages so far, and the estimate of the effects in the unit's model.
 
-    The stages are solved without effects. The size of an effect and the corrected parameters follow from its
+    The stages are solved without effects. The size of an effect and the corrected parameters are computed from its
     contributions to innovations and parameters, without solving again (B. Friedland, *Treatment of bias in recursive
     filtering*, IEEE TAC 14(4), 1969).
     """
@@ -107,9 +107,8 @@ class EffectTests:
         ----------
         changes : prior sigmas of the parameters' changes within a run, shape (30,), see `plausible_changes`
         states : effects that are estimated without a test
-        priors : sizes of effects that are known before the calibration, by cause; effects that are not in `states` are
-            then tested for a deviation from them
-        signs : only possible signs of the sizes that cannot have both, by cause
+        priors : prior sizes of effects, by cause; effects that are not in `states` are tested for a deviation from them
+        signs : see `possible_signs`
         """
         self._changes, self._states, self._priors, self._signs = changes, tuple(states), priors, signs
         self._candidates: list[_Candidate] = []
@@ -122,7 +121,7 @@ class EffectTests:
         self._parameters: dict[str, None] = {}
 
     def _append(self, effects: Sequence[tuple[Effect, str]]) -> list[_Candidate]:
-        """Append the columns of effects, each with its stage, without any evidence."""
+        """Append columns for effects, each with its stage, without evidence so far."""
         first, candidates = len(self._score), []
         for effect, stage in effects:
             candidates.append(_Candidate(effect, stage, slice(first, first := first + len(effect.components))))
@@ -134,7 +133,7 @@ class EffectTests:
         return candidates
 
     def _change(self, candidate: _Candidate, change_per_size: FloatArray | float) -> None:
-        """Add the errors `change_per_size`, shape (k,), that a unit of each size causes in the parameter it changes."""
+        """Add the errors per unit of size, shape (k,), that a change causes in the parameters that it changes."""
         at = range(candidate.columns.start, candidate.columns.stop)
         self._error[[INDEX[name] for name in candidate.effect.parameters], at] += change_per_size
 
@@ -193,7 +192,7 @@ class EffectTests:
         return EffectEstimate(names, units, reported, size, covariance, self._error[:, at], explained, gauge)
 
     def modelled(self) -> ModelledEffects:
-        """Return the contributions of the effects in the model, whose sizes are estimated with other solutions."""
+        """Return the contributions of the effects in the model, for a joint estimate with other solutions."""
         at, priors = self._solve(self._model).columns, [self._prior(candidate) for candidate in self._model]
         mean = np.array([value for prior in priors for value in prior.mean])
         sigma = np.array([value for prior in priors for value in prior.sigma])
@@ -215,10 +214,10 @@ class EffectTests:
     def evidence(self, posterior: Posterior) -> list[EffectEvidence]:
         """Return the evidence for every effect outside the model, the likeliest first.
 
-        `posterior` is the latest one. There are many tests for changes, several in every stage for each parameter
-        group, so a chance result is more likely among them; their likelihood is divided by their number. The likeliest
-        effect is included in the model to test what remains; if it is a change, so are all changes of the same
-        parameter group, because the tested drifts and jumps only approximate the time of a change.
+        `posterior` is the latest posterior. Every stage has several tests for changes of each parameter group, so a
+        chance result is more likely among them; their likelihood is divided by their number. The likeliest effect is
+        included in the model to test what remains. If it is a change, all changes of the same parameter group are
+        included, because the tested drifts and jumps only approximate the time of a change.
         """
         model, outside = self._model, self._outside
         ranked = self._ranked(outside, model, posterior.sigma)
@@ -234,7 +233,7 @@ class EffectTests:
         return evidence
 
     def state_evidence(self, posterior: Posterior) -> list[StateEvidence]:
-        """Return the evidence for each effect in the model, and for the effects outside in its place."""
+        """Return the evidence for each state of the model, and for the effects outside the model instead of it."""
         model, outside = self._model, self._outside
         rows = []
         for state in (c for c in model if c.effect.cause in self._states):
@@ -263,7 +262,7 @@ class EffectTests:
         sigma: FloatArray,
         added: Sequence[_Candidate] = (),
     ) -> list[tuple[EffectEvidence, _Candidate]]:
-        """Return the evidence for effects in addition to a model and `added` ones, the likeliest first."""
+        """Return the evidence for effects in addition to a model and to `added` effects, the likeliest first."""
         solution, chances = self._solve(model, added), self._chances
         ranked = [(self._evaluate(c, solution, sigma), c) for c in tests]
         return sorted(ranked, key=lambda row: _rarity(row[1], chances) - row[0].excess)
@@ -286,14 +285,14 @@ class EffectTests:
             information = float(self._information[first + k, first + k]) * in_units[k] ** 2
             size = float(np.sqrt(chi_square / information)) if information > 0.0 else np.inf
             error = np.abs(self._error[:, first + k]) * in_units[k]
-            moves = {name: float(error[INDEX[name]]) / float(sigma[INDEX[name]]) for name in names}
-            largest = max(moves, key=moves.__getitem__)
-            shift = size * moves[largest] if moves[largest] > 0.0 else 0.0
+            shifts = {name: float(error[INDEX[name]]) / float(sigma[INDEX[name]]) for name in names}
+            largest = max(shifts, key=shifts.__getitem__)
+            shift = size * shifts[largest] if shifts[largest] > 0.0 else 0.0
             at = effect.cause, component, effect.parameter_of(k), candidate.stage
             yield EffectLimit(*at, size, effect.unit, largest, shift)
 
     def _in_units(self, candidate: _Candidate) -> FloatArray:
-        """Return the factors from public sizes to columns, shape (k,): a drift's size is its change at the end."""
+        """Return the factors from public sizes to columns, shape (k,); the size of a drift is its change at the end."""
         if candidate.effect.cause != "drift_throughout":
             return np.ones(len(candidate.effect.components))
         return np.tile(1.0 / drift_functions(np.array([self._elapsed]))[0], 3)
@@ -322,7 +321,7 @@ class EffectTests:
         return _Solution(at, mean + covariance @ (self._score[at] - information @ mean), covariance)
 
     def _evaluate(self, candidate: _Candidate, given: _Solution, sigma: FloatArray) -> EffectEvidence:
-        """Evaluate the test of an effect in addition to given ones; `sigma` is that of the 30 parameters."""
+        """Evaluate the test of an effect in addition to `given` effects; `sigma` contains the parameters' sigmas."""
         columns, (at, given_size, given_covariance) = candidate.columns, given
         in_units, effect = self._in_units(candidate), candidate.effect
         shared = self._information[columns, at] * in_units[:, None]
@@ -352,19 +351,19 @@ class EffectTests:
 
 
 def _sums(effect: Effect) -> FloatArray:
-    """Return the sums over the time functions of the parameter that changes, shape (parameters, components).
+    """Return the matrix that sums the time functions of each changed parameter, shape (parameters, components).
 
-    A constant effect has no time functions.
+    For a constant effect, it is the identity.
     """
     changed = effect.parameters or effect.names
     return np.array([[name == each for each in changed] for name in dict.fromkeys(changed)], dtype=np.float64)
 
 
 def _gauge(names: Sequence[str], size: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return the covariance of lever arms due to the unknown mean displacement of two accelerometers off their axes.
+    """Return the covariance of the lever arms due to the unknown mean displacement of two accelerometers, (30, 30).
 
-    Only the difference of two displacements along an axis is a state; their mean moves the outer lever arm by the same
-    distance and the inner one back, shape (30, 30). If both are independent, it has half the sigma of the difference.
+    Only the difference of two displacements along an axis is a state. Their mean adds to the outer lever arm and
+    subtracts from the inner lever arm. For independent displacements, it has half the sigma of the difference.
     """
     gauge = np.zeros((COUNT, COUNT))
     at = [names.index(f"accel_off_axis_{axis}") for axis in AXES if f"accel_off_axis_{axis}" in names]
@@ -378,7 +377,7 @@ def _gauge(names: Sequence[str], size: FloatArray, covariance: FloatArray) -> Fl
 
 
 def _rarity(candidate: _Candidate, chances: float) -> float:
-    """Return the χ² by which an effect must exceed others; `chances` is that of a change within a stage."""
+    """Return the χ² by which an effect must exceed others; `chances` applies to changes within a stage."""
     return chances if candidate.stage else candidate.effect.rarity
 
 

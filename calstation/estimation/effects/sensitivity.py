@@ -1,7 +1,7 @@
 """Sensitivity of a stage's innovations and estimates to prior errors and to effects outside the model.
 
 An unmodelled effect of size θ adds J θ to the innovations and causes the error D θ of the estimate (truth minus
-estimate). Both follow from the gains of the estimator, whether it is optimal or not.
+estimate). Both follow from the gains of the estimator, even if it is not optimal.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -38,7 +38,7 @@ class StageEffects:
 
     begin: float  #: Time at which the stage begins, s.
     duration: float  #: s
-    on_table: bool = True  #: Whether a table turned the unit; the effects of a table do not occur in manual motion.
+    on_table: bool = True  #: Whether a table moved the unit; effects with `Effect.on_table` are tested only then.
 
     @cached_property
     def parameter_changes(self) -> tuple[Effect, ...]:
@@ -148,9 +148,9 @@ def mean_regressors(motion: Motion, effects: Sequence[Effect], counts: IntArray)
 
 
 def velocity_errors(motion: Motion, effects: Sequence[Effect]) -> tuple[FloatArray, IntArray]:
-    """Return the velocities that effects of the table add, m/s, shape (n, 3, k), and their components, shape (k,).
+    """Return the velocities due to effects of the table per unit of size, shape (n, 3, k), and their components, (k,).
 
-    The velocities are means over the intervals. The components are counted over all effects.
+    The velocities, m/s, are means over the intervals. The components are counted over all effects.
     """
     parts, columns, component = [np.empty((len(motion.rate), 3, 0))], list[int](), 0
     for effect in effects:
@@ -187,7 +187,7 @@ def last_turns(
     data : samples of the stage
     parameters : parameters of the unit, SI, shape (30,)
     before : senses at the start of the stage
-    stop : index of the sample before which turns count; None for all
+    stop : number of samples to use; None for all
     """
     stride = max(round(TURN_INTERVAL / data.dt), 1)
     rate = group_means(data.gyro[:stop], stride) - parameters[group_indices("gyro_bias")]

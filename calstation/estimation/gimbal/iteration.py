@@ -1,20 +1,19 @@
 """Iteration for gyro misalignment from the joints of a stabilised gimbal, updated after every turn.
 
-The gimbal stabilises on corrected rates c = (I + K)⁻¹ (measured − b). If a rotation about one body axis e is commanded,
-it rotates about N e, where N = (I + M)⁻¹ (I + K). In a turn by A from joints at zero the other joints drift by
-D = −J(A) (m − k), where m and k are the columns of M and K for that axis without its own row. After every turn
+The gimbal stabilises on corrected rates c = (I + K)⁻¹ (measured − b). If a rotation about a body axis e is commanded,
+the unit rotates about N e, where N = (I + M)⁻¹ (I + K). In a turn by A from joints at zero, the other joints drift by
+D = −J(A) (m − k), where m and k are the columns of M and K for that axis without the diagonal element. After every turn
 
     K_i = K_(i−1) + s α D_i,    s = −1 for a positive turn, +1 for a negative one
 
-so that the error is multiplied by I − s α J. J is not a multiple of the identity, because a tilted body axis rotates
-with the body. For the innermost and the outermost joint J(A) = [[sin A, ±(1 − cos A)], [∓(1 − cos A), sin A]] with the
-eigenvalues 2 sin(A/2) e^(±iA/2). The iteration is stable for 0 < α < cot(A/2) and converges fastest at half this limit,
-where each turn reduces the error to sin(A/2) of its value. For A ≥ 180° it is unstable for every gain.
+so that the error m − k is multiplied by I + s α J. J is not a multiple of the identity, because a tilted axis of
+rotation turns with the body. For the innermost and the outermost joint J(A) = [[sin A, ±(1 − cos A)], [∓(1 − cos A),
+sin A]] with the eigenvalues 2 sin(A/2) e^(±iA/2). The iteration is stable for 0 < α < cot(A/2) and converges fastest at
+half this limit, where each turn reduces the error to sin(A/2) of its value. For A ≥ 180° it is unstable for every gain.
 
-Successive turns of one axis have no return to zero in between. If a turn starts from other joint angles, its drift is
-the deviation from the ideal turn about the body axis, and J depends on these angles: an innermost joint at q rotates it
-by q. Every drift is therefore converted to the equivalent drift of the same turn from zero, so that the same gains are
-stable.
+There is no return to zero between successive turns about one axis. If a turn starts from other joint angles, its drift
+is the deviation from the ideal turn about the body axis, and J depends on these angles: an innermost joint at q rotates
+J by q. Every drift is therefore converted to the drift of the same turn from zero, so that the same gains are stable.
 """
 
 from dataclasses import dataclass, field
@@ -24,9 +23,9 @@ import numpy as np
 from calstation.physics import AXES, FloatArray, axis_rotation, rotation_matrix
 
 _DERIVATIVE_STEP = 1e-5
-#: Time for which the joints are locked to measure the gyro bias, in addition to the rest, s.
+#: Time in addition to the rest for which the joints are locked to measure the gyro bias, s.
 BIAS_TIME = 2.0
-#: Largest joint angle of a series of turns, rad: the outer and inner joint become parallel at 90° of the middle one.
+#: Largest joint angle of a series of turns, rad; at 90° of the middle joint, the outer and inner axes are parallel.
 TRAVEL = np.deg2rad(80.0)
 
 
@@ -101,7 +100,7 @@ def largest_gain(order: str, axis: int, angle: float) -> float:
 
 
 def contraction(order: str, axis: int, angle: float, gain: float) -> float:
-    """Return the factor per turn by which a turn by `angle` and a turn back reduce an error.
+    """Return the factor by which each turn, alternately by `angle` and back, multiplies an error on average.
 
     Parameters
     ----------
@@ -147,11 +146,11 @@ class GimbalIteration:
     angle: float  #: Angle of every turn, rad.
     count: int  #: Largest number of turns per axis.
     threshold: float  #: |D| below which an axis is complete, rad.
-    alternate: bool = True  #: Whether every second turn is in the opposite direction.
+    alternate: bool = True  #: Whether every second turn has the opposite direction.
     travel: float = TRAVEL  #: Largest joint angle, rad; the gimbal returns to zero before a turn beyond it.
     correction: FloatArray = field(default_factory=lambda: np.zeros((3, 3)), init=False)  #: K, shape (3, 3).
     courses: list[AxisTurns] = field(default_factory=list, init=False)  #: Turns of each axis so far, in order.
-    position: float = field(default=0.0, init=False)  #: Angle of the turned joint, rad.
+    position: float = field(default=0.0, init=False)  #: Angle of the joint of the current axis, rad.
 
     @property
     def done(self) -> bool:
@@ -160,12 +159,12 @@ class GimbalIteration:
 
     @property
     def axis_done(self) -> bool:
-        """Whether the axis that was turned last is complete."""
+        """Whether the axis of the last turn is complete."""
         drifts = self.courses[-1].drifts if self.courses else []
         return bool(drifts) and (len(drifts) >= self.count or float(np.abs(drifts[-1]).max()) < self.threshold)
 
     def next_turn(self) -> TurnCommand | None:
-        """Return the next turn; None at the end."""
+        """Return the next turn; None if all axes are complete."""
         if self.done:
             return None
         axis, count = (self.courses[-1].axis, len(self.courses[-1].drifts)) if self.courses else (0, 0)

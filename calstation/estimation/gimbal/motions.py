@@ -26,7 +26,7 @@ from calstation.estimation.gimbal.iteration import drift_matrix, gimbal_attitude
 from calstation.estimation.positions import GYRO_COLUMNS, gyro_derivative, integrate_rotation, square_root
 from calstation.physics import AXES, COUNT, GYRO_BIAS, RATE, FloatArray, compensation, rotation_matrix, rotation_vector
 
-#: Largest angle of a joint at zero, rad.
+#: Largest angle at which a joint counts as being at zero, rad.
 ZERO_TOLERANCE = np.deg2rad(2.0)
 #: Smallest rotation of a joint in a turn, rad; a smaller rotation is drift.
 MIN_JOINT_TURN = np.deg2rad(5.0)
@@ -80,9 +80,9 @@ class Motion:
         return float(np.linalg.norm(corrected[other_axes(axis)]))
 
     def joint_drift(self, axis: int, order: str) -> FloatArray:
-        """Return D, the drift of the joints other than `axis` in the same turn from zero, rad, shape (2,).
+        """Return D, the drift of the joints other than `axis`, converted to the same turn from zero, rad, shape (2,).
 
-        The drift is the difference from the ideal turn about the body axis, minus the drift at rest.
+        The drift is the deviation from the ideal turn about the body axis, minus the drift at rest.
         """
         rows, angle = other_axes(axis), self.angle
         J = drift_matrix(order, axis, angle, self.before)
@@ -121,7 +121,7 @@ def find_motions(data: StageData, imu: ImuModel) -> list[Motion]:
 
 
 def joint_turn(blocks: list[SampleBlock], imu: ImuModel, begin: int, axis: int) -> Motion:
-    """Return the only motion after sequence number `begin`, which must be a turn about `axis`. Raises InputError."""
+    """Return the only motion after sequence number `begin`. Raises InputError unless it is a turn about `axis`."""
     data = stage_data(blocks, imu)
     motions = [m for m in find_motions(data, imu) if data.seq[m.stop - 1] > begin]
     if len(motions) != 1 or motions[0].axis != axis:
@@ -132,7 +132,7 @@ def joint_turn(blocks: list[SampleBlock], imu: ImuModel, begin: int, axis: int) 
 def _joint_line(data: StageData, rest: tuple[int, int], end: bool) -> tuple[FloatArray, FloatArray] | None:
     """Return joint angles, rad, shape (3,), and rates, rad/s, shape (3,), at the end (`end`) or start of a rest.
 
-    The rates need a long fit. The angles need a short one, because the noise of the gyros makes the gimbal drift.
+    The rates require a long fit. The angles require a short fit, because gyro noise makes the gimbal drift.
     """
     a, b = rest
     long, short = (
@@ -143,7 +143,7 @@ def _joint_line(data: StageData, rest: tuple[int, int], end: bool) -> tuple[Floa
     if len(polled) < 3:
         return None
     near = polled[(polled >= short[0]) & (polled < short[1])]
-    if not len(near):  # the joints are polled less often
+    if not len(near):  # joints polled less often than `ANGLE_FIT`
         near = polled[-1:] if end else polled[:1]
     slope = np.polyfit(polled * data.dt, data.joints[polled], 1)[0]
     edge = b if end else a
@@ -164,7 +164,7 @@ class GimbalFit:
 def fit_gimbal(
     data: StageData, motions: list[Motion], order: str, context: SolveContext, prior: Posterior, joint_sigma: float
 ) -> GimbalFit:
-    """Fit all motions of a gimbal to the turns of its joints.
+    """Fit the gyro rotations of all motions of a gimbal to the rotations of its joints.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ from calstation.physics import STATES, Compensation, FloatArray, Increments, Int
 
 
 class State(NamedTuple):
-    """Estimate of a filter with n states: 39, or 45 with bias drift; updated in place."""
+    """Mean and covariance of a filter with n states, 39, or 45 with bias drift; updated in place."""
 
     x: FloatArray  #: Shape (n,).
     P: FloatArray  #: Shape (n, n).
@@ -28,14 +28,14 @@ class State(NamedTuple):
 class Updates(NamedTuple):
     """Results of processing g groups of k observations, for r = 3 k rows and n states."""
 
-    #: Transition of φ, δv and δp over the group, shape (g, 9, n); empty for the observation at a start, which follows a
-    #: reset of these states.
+    #: Transition of φ, δv and δp over the group, shape (g, 9, n); empty for the observation at a start, before which
+    #: these states are reset.
     transition: FloatArray
     #: Decay of the bias drift over a group, or since the last group before a start, shape (n − 39,).
     decay: FloatArray
     H: FloatArray  #: Jacobian of the observations, shape (g, r, n).
     root: FloatArray  #: Cholesky factor L of the covariance of the innovations, shape (g, r, r).
-    gain: FloatArray  #: W, the transposed gain for the normalised innovations, shape (g, r, n).
+    gain: FloatArray  #: W, the transposed gain of the normalised innovations, shape (g, r, n).
     innovation: FloatArray  #: Normalised innovation L⁻¹ (z − H x), shape (g, r); empty for the observation at a start.
     attitude: FloatArray  #: C_bn at each observation, shape (g k, 3, 3).
     rate: FloatArray  #: ω_ib at each observation, rad/s, shape (g k, 3).

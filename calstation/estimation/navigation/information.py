@@ -2,12 +2,12 @@
 
 A segment begins and ends at rest. Its observations depend on the boundary states (φ, δv and the bias drift) at both
 ends, on the 30 parameters, and on the sizes of effects outside the model; all states in between are eliminated.
-Successive segments are joined by eliminating the boundary states between them, so that a schedule is evaluated without
-another pass over its samples. The covariance equals the filter's.
+Successive segments are joined by eliminating the boundary states between them, so a schedule is evaluated without
+another pass over its samples. The resulting covariance equals that of the filter.
 
-The size of a drift is the rate of change of a parameter, and the parameter is that at the end of the motion. If the
-motion continues for Δ, the parameter at its old end is p − Δ d: the column of the drift d changes by −Δ times the
-column of p.
+The size of a drift is the rate of change d of a parameter, and p is the parameter at the end of the motion. If the
+motion continues for Δ, the parameter at the previous end is p − Δ d, so −Δ times the column of p is added to the column
+of d.
 
 With m boundary states and c columns of parameters and effects, the information at the end of a motion has shape (m + c,
 m + c). The information of a segment, about m states at its start and m at its end, has shape (2 m + c, 2 m + c). All
@@ -33,7 +33,7 @@ _PARAMETERS = np.arange(PARAMETER_START, STATES)
 
 
 class Segment(NamedTuple):
-    """Information matrices of the start of a motion, which contains none about effects, and of the motion itself."""
+    """Information matrices of the start of a motion, with zeros for effects, and of the motion itself."""
 
     start: FloatArray
     motion: FloatArray
@@ -43,7 +43,7 @@ class Segment(NamedTuple):
 def segment_information(
     run: ClosedLoopFilter, data: StageData, start: Start, context: SolveContext, effects: Sequence[Effect]
 ) -> Segment:
-    """Run a new filter over the samples from `start`; return their information matrices."""
+    """Run a new filter over the samples from `start`; return the information matrices of the segment."""
     steps = run.steps(data, start, start.attitude, batch=1)
     next(steps)
     start_information = _start_information(run)
@@ -105,7 +105,7 @@ def _information(group: _Group, error: FloatArray) -> FloatArray:
 
 
 class Drifts(NamedTuple):
-    """Effects that are drifts: their columns, and those of the parameters that they change, from the last column."""
+    """Columns of effects that are drifts, and of the parameters that they change, counted from the last column."""
 
     columns: IntArray  #: Shape (d,), negative.
     parameters: IntArray  #: Shape (d,), negative.
@@ -118,7 +118,7 @@ class Drifts(NamedTuple):
         return cls(at - len(changed), np.array(changed, dtype=np.int64)[at] - len(changed) - COUNT)
 
     def continued(self, information: FloatArray, seconds: FloatArray) -> FloatArray:
-        """Return the information of n motions, shape (n, a, a), if each continues for a time, s, shape (n,)."""
+        """Return the information of n motions, shape (n, a, a), after each has continued for `seconds`, shape (n,)."""
         if not len(self.columns):
             return information
         continued = information.copy()
@@ -162,9 +162,9 @@ def advance_information(
 
     Parameters
     ----------
-    before : information at their starts, shape (n, m + c, m + c)
-    segments : their information matrices, shape (n, 2 m + c, 2 m + c)
-    seconds : their durations, s, shape (n,)
+    before : information at the starts of the segments, shape (n, m + c, m + c)
+    segments : information matrices of the segments, shape (n, 2 m + c, 2 m + c)
+    seconds : durations of the segments, s, shape (n,)
     drifts : drifts among the effects
     """
     before = drifts.continued(before, np.broadcast_to(seconds, len(before)))
@@ -177,16 +177,16 @@ def advance_information(
 
 
 class Precision(NamedTuple):
-    """What the information of n motions determines, without and with effects outside the model."""
+    """Sigmas and errors that follow from the information of n motions."""
 
-    sigma: FloatArray  #: Sigmas of the parameters if they are estimated without the effects, shape (n, 30).
-    #: Sigma of each effect's size if it is estimated with all parameters but without other effects, shape (n, k).
+    sigma: FloatArray  #: Sigma of each parameter, estimated without the effects, shape (n, 30).
+    #: Sigma of each effect's size, estimated with all parameters but without other effects, shape (n, k).
     size_sigma: FloatArray
     error: FloatArray  #: Error of each parameter per unit of size of an effect outside the model, shape (n, 30, k).
 
 
 def precision(information: FloatArray, states: int) -> Precision:
-    """Return what information matrices with `states` boundary states determine, shape (n, m + c, m + c)."""
+    """Return the precision for n information matrices with m = `states` boundary states, shape (n, m + c, m + c)."""
     size = states + COUNT
     scale = 1.0 / np.sqrt(np.diagonal(information[:, :size, :size], axis1=1, axis2=2))
     covariance = np.linalg.inv(information[:, :size, :size] * scale[:, :, None] * scale[:, None, :])

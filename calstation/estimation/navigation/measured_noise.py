@@ -1,4 +1,4 @@
-"""Noise of the observations and of the accelerometers of a stage, from its innovations, if it exceeds the profiles'."""
+"""Estimate the noise of velocity and accelerometers from the innovations of a stage if it exceeds the profiles'."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,20 +20,20 @@ from calstation.estimation.navigation.navigation_pass import History
 from calstation.estimation.navigation.relinearise import REST_RATE, NavigationResult, pass_about, solve_navigation
 from calstation.physics import BoolArray, FloatArray
 
-#: Ratio of the assumed variance to that of the innovations above which the model is tested with the latter.
+#: Ratio of the assumed velocity variance to that of the innovations above which the latter is used to test the model.
 MAX_VARIANCE_RATIO = 1.25
-#: Median of the χ² distribution with 3 degrees of freedom, and relative sigma of the median of one value.
+#: Median of the χ² distribution with 3 degrees of freedom, and allowed relative scatter of medians for one value.
 _MEDIAN, _SCATTER = 2.366, 0.95
 MAX_ADJUSTMENTS = 4
-#: Smallest fraction of the profile's variance that is used: below it, other noise dominates and rounding errors grow.
+#: Smallest fraction of the profile's variance used; below it, other noise dominates and rounding errors increase.
 _MIN_RATIO = 0.01
 #: Smallest number of observations at rest, or in motion, whose median is used.
 _MIN_COUNT = 50
-#: Duration of the sums of innovations that show the noise of the accelerometers, in units of the time after which it
-#: exceeds that of the velocity, and the largest ratio of their variance that noise can have.
+#: Duration of the sums of innovations from which the accelerometer noise is measured, in units of the time after which
+#: it exceeds the velocity noise, and largest variance ratio of these sums that noise can cause.
 _SUMMED, _LARGEST_SLOW = 2.0, 12.0
-#: Median of the χ² distribution with 1 degree of freedom, and its relative sigma for one value; significant excess in
-#: sigmas, at first and of what remains.
+#: Median of the χ² distribution with 1 degree of freedom, allowed relative scatter for one value, and significant
+#: excess in units of this scatter for the first and for further adjustments.
 _MEDIAN_OF_ONE, _SCATTER_OF_ONE, _SIGMAS = 0.4549, 1.75, (5.0, 1.0)
 
 
@@ -47,7 +47,7 @@ def solve_with_measured_noise(
 ) -> tuple[NavigationResult, SolveContext]:
     """Solve a stage, and solve it again if its innovations indicate more noise than the profiles specify.
 
-    Return the result and the context with that noise; for a quieter table, see `pass_with_actual_noise`. Raises
+    Return the result and the context with the noise used; for a quieter table, see `pass_with_actual_noise`. Raises
     InsufficientDataError if no segment contains a rest, numpy.linalg.LinAlgError if the solution diverges.
 
     Parameters
@@ -78,8 +78,9 @@ def solve_with_measured_noise(
 def _excess(result: NavigationResult, dt: float, effects: Callable[[], EffectTests]) -> float:
     """Return the ratio by which the variance of the velocity must be increased; 1 if the innovations agree with it.
 
-    It is increased if the test of the innovations would fail. It is the larger of the medians of rests and motions,
-    because a median is insensitive to an effect in a part of the stage, or the mean if it agrees with them.
+    The variance is increased if the test of the innovations would fail. The ratio is the larger of the medians of rests
+    and of motions, because a median is insensitive to an effect in a part of the stage, or the mean if it is larger but
+    agrees with the medians.
     """
     nis = result.history.nis
     consistency = nis_consistency(float(np.sum(nis)), len(nis), 3)
@@ -95,11 +96,12 @@ def _excess(result: NavigationResult, dt: float, effects: Callable[[], EffectTes
 def _slow_excess(history: History, context: SolveContext, sigmas: float) -> tuple[float, float]:
     """Return the ratio by which the noise density of the accelerometers must be increased, from slow innovations.
 
-    The second value is the increase of twice the logarithm of the likelihood, comparable with the χ² of an effect.
+    The second value is the increase of twice the log-likelihood, comparable with the χ² of an effect.
 
-    At rests shorter than the time after which it exceeds the noise of the velocity, it is not measurable. Sums of
-    innovations over this time have the variance 1 if the density is right, and otherwise approach its ratio. An excess
-    of `sigmas` is significant; if the median does not agree with the mean, it is an effect in a part of the stage.
+    At rests shorter than the time after which it exceeds the velocity noise, the accelerometer noise is not measurable.
+    Sums of innovations over twice this time have the variance 1 if the density is correct; otherwise their variance
+    approaches the ratio. An excess of `sigmas` is significant; if the median disagrees with the mean, it is due to an
+    effect in a part of the stage.
     """
     noise = filter_noise(context)
     width = round(_SUMMED * float(np.sqrt(noise.velocity / (noise.force * noise.interval))))
@@ -126,14 +128,14 @@ def pass_with_actual_noise(
     """Return a pass about a solution with the actual noise if the table is quieter than `context` specifies.
 
     This pass is used to test the model. The estimate uses the profile's noise, which also covers disturbances that
-    occur only in some moves. The innovations show the variance of the velocity over an interval.
+    occur only in some moves. The innovations give the variance of the mean velocity over an interval.
 
     Parameters
     ----------
     data, context, prior : samples of the stage, noise of the profiles, estimate before the stage
     estimated : mask of the estimated parameters, shape (30,)
     result : solution
-    slow_variance : variance of the velocity with the density at low frequencies, (m/s)², a lower bound of the noise
+    slow_variance : see `RestNoise.slow_variance`, (m/s)²; a lower bound of the variance
     """
     ratio = max(_ratio(result.history, data.dt), slow_variance / context.table.velocity_sigma**2)
     if ratio > 1.0 / MAX_VARIANCE_RATIO:
@@ -157,7 +159,7 @@ def _with_force(context: SolveContext, ratio: float) -> SolveContext:
 
 
 def _ratio(history: History, dt: float) -> float:
-    """Return the ratio of the innovations' variance to the predicted one."""
+    """Return the larger ratio, of rests and of motions, of the median squared innovation to its expected median."""
     trace = np.einsum("nij,nij->n", history.attitude[1:], history.attitude[:-1])
     angle: FloatArray = np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))
     still = angle < REST_RATE * dt * np.maximum(np.diff(history.index), 1)

@@ -1,4 +1,4 @@
-"""The passes of the 39-state filter over a stage: in closed loop by filterpy, or compiled along a smoothed trajectory.
+"""Passes of the 39-state filter over a stage: in closed loop with filterpy, or compiled along a smoothed trajectory.
 
 The states are φ, δv, δp, the errors of the 30 parameters and, if the profile specifies bias instability, the drift of
 the six biases about their constants. The observation is the mean of the velocity of the table's centre of rotation,
@@ -8,9 +8,9 @@ Analytics*, 2nd ed., ch. 15).
 
 The 12 states of azimuth flips are φ, δv and the biases; the other parameters are consider states of the same filter.
 
-For the trajectory, a six-state filter (φ, δv) and a Rauch-Tung-Striebel pass track the effect of gyro noise without the
-jumps of a filter, so that the passes are Gauss-Newton steps (Bell, *The iterated Kalman smoother as a Gauss-Newton
-method*, SIAM J. Optim. 4(3), 1994).
+The trajectory is computed by a six-state filter (φ, δv) and a Rauch-Tung-Striebel smoother. It follows the gyro noise
+without the jumps of a filter, so that the passes are Gauss-Newton steps (Bell, *The iterated Kalman smoother as a
+Gauss-Newton method*, SIAM J. Optim. 4(3), 1994).
 """
 
 from abc import ABC, abstractmethod
@@ -62,11 +62,11 @@ from calstation.physics import (
 POSITION_SIGMA = 1e-3
 #: Initial sigma of δv before the first observation, m/s.
 START_VELOCITY_SIGMA = 1.0
-#: Variance of the velocity at a sample relative to that of its mean over an interval, more than any vibration has.
+#: Variance of the velocity at a sample relative to that of its mean over an interval; larger than for any vibration.
 START_RATIO = 100.0
 #: Duration of a group of observations that are processed together, s.
 GROUP_TIME = 0.5
-#: An empty reference, for the closed loop, which follows none.
+#: Empty reference for the closed loop, which follows no reference.
 _NO_REFERENCE = Reference(np.empty((0, 3, 3)), np.empty((0, 3)))
 #: Prior sigma of the initial heading, rad: small, because the parameters may be too inaccurate for gyrocompassing.
 HEADING_SIGMA = 1e-4
@@ -228,7 +228,7 @@ class NavigationPass(ABC):
         return H, root, gain
 
     def _motion(self, data: StageData) -> Increments:
-        """Return the increments of all samples, computed once for the same data."""
+        """Return the increments of all samples; they are computed once for the same data."""
         if self._increments is None or self._increments[0] is not data:
             self._increments = data, increments(self.constants, self.dt, data.gyro, data.accel)
         return self._increments[1]
@@ -251,7 +251,7 @@ if TYPE_CHECKING:
 
 
 class ClosedLoopFilter(NavigationPass):
-    """A pass that feeds back the corrections by the observations, but not the mean of the prior.
+    """A pass in closed loop, which feeds back the corrections from the observations, but not the mean of the prior.
 
     The mean x is the sum of an offset and a correction. The offset is the mean that would result if every observation
     agreed with the linearisation point; it remains in x and decays with each observation. Only the correction is
@@ -278,7 +278,7 @@ class ClosedLoopFilter(NavigationPass):
 
     @cached_property
     def _kalman(self) -> "KalmanFilter":
-        # the import takes 0.8 s, mostly scipy.stats, and only a pass that closes the loop needs it
+        # the import takes 0.8 s, mostly scipy.stats, and only a pass in closed loop needs it
         from filterpy.kalman import KalmanFilter
 
         return KalmanFilter(dim_x=len(self.state.x), dim_z=3 * self.group_size)
@@ -291,12 +291,13 @@ class ClosedLoopFilter(NavigationPass):
             S = H P Hᵀ + H M + Mᵀ Hᵀ + R,   K = (P Hᵀ + M) S⁻¹,   P⁺ = P − K (H P + Mᵀ)
 
         where M is the covariance of the noise of the observations with the process noise of the interval that *ends*
-        with them, which `predict` has just added (Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with
-        Applications to Tracking and Navigation*, 2001, section 8.3), not with that of the interval that follows.
+        with them, which `predict` has just added, not of the interval that follows (Y. Bar-Shalom, X. R. Li, T.
+        Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, section 8.3).
 
-        It inverts S, does not keep P symmetric, and does not check shapes: with a column x and a flat z, the innovation
-        would become a matrix. Therefore x and z are flat, P is made symmetric, and the observations are decorrelated
-        first, so that S is the identity: its condition number of up to 1e5 in the first groups would cost four digits.
+        The method inverts S, does not keep P symmetric, and does not check shapes: with a column x and a flat z, the
+        innovation would become a matrix. Therefore x and z are flat, P is made symmetric, and the observations are
+        decorrelated first, so that S is the identity; a condition number of S up to 1e5 in the first groups would cost
+        four digits.
         """
         kalman, (x, P) = self._kalman, self.state
         kalman.x, kalman.P = x, P
@@ -423,7 +424,7 @@ def smoothed_reference(
 
 
 class ReferencePass(NavigationPass):
-    """A pass that follows a smoothed trajectory and does not close the loop.
+    """A pass in open loop about a smoothed trajectory.
 
     If the trajectory jumped at every observation, the unobservable directions of its transitions would differ by the
     size of the jumps, and a bias and a tilt of which only the sum is observable would appear to be separately

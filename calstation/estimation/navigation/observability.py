@@ -1,4 +1,4 @@
-"""Piece-wise constant observability analysis of a navigation stage: stripped observability matrix and its SVD.
+"""Piece-wise constant observability analysis of a navigation stage by the SVD of the stripped observability matrix.
 
 Each piece with constant F contributes H, H F T, H (F T)²/2, ... (D. Goshen-Meskin and I. Y. Bar-Itzhack,
 *Observability analysis of piece-wise constant systems*, IEEE Trans. AES 28(4), 1992). States are scaled by their prior
@@ -39,7 +39,7 @@ STATE_NAMES = (
     *(f"{s}_{a}" for s in ("attitude_error", "velocity_error", "position_error") for a in ("east", "north", "up")),
     *NAMES,
 )
-#: A slower rotation, rad/s, is rest.
+#: Smallest rate of a rotation, rad/s; slower motion counts as rest.
 REST_RATE = np.deg2rad(0.5)
 #: Largest rotation of a piece, rad.
 MAX_PIECE_ANGLE = np.deg2rad(5.0)
@@ -75,7 +75,7 @@ def _edges(step: IntArray, rate: FloatArray, elapsed: FloatArray) -> IntArray:
 
 
 class ObservabilityAnalysis:
-    """Observability of the states after each step, from the observations of a stage, all at once or live.
+    """Computes the observability of the states after each step from the observations of a stage, live or all at once.
 
     `point` contains the parameters about which the filter linearises, SI, shape (30,).
     """

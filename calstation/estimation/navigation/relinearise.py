@@ -1,4 +1,4 @@
-"""Maximum a posteriori estimation by relinearisation: the navigation filter is run over a stage until it converges.
+"""Maximum a posteriori estimation by relinearisation: the navigation filter passes over a stage until it converges.
 
 Every pass has the same prior; only the linearisation point changes. The problem is linear in an unknown azimuth only
 near the solution, so the likeliest of several headings is refined with a narrow prior before it is estimated freely.
@@ -34,17 +34,17 @@ from calstation.physics import (
 )
 
 MAX_PASSES = 20
-#: Number of passes about a fixed point after which the attitudes no longer change significantly.
+#: Number of passes about fixed parameters after which the attitudes no longer change significantly.
 PASSES_AT_POINT = 2
-#: Largest mean normalised innovation squared, of 3 degrees of freedom, for which a first pass is accepted: the errors
-#: of its linearisation point then contribute less than the noise.
+#: Largest mean normalised innovation squared (3 degrees of freedom) of an accepted first pass: up to it, the error of
+#: the linearisation point contributes less than the noise.
 MAX_FIRST_NIS = 1.25 * 3.0
 #: Usual number of passes of a solution, for the progress report.
 USUAL_PASSES = 2
-#: The iteration ends when the step of a pass is below this many sigmas, or, after a step below `LINEAR_STEP`, the next
-#: step predicted from the last two.
+#: Step of a pass, in sigmas, below which the iteration ends; it also ends if, after a step below `LINEAR_STEP`, the
+#: next step predicted from the last two is below this.
 CONVERGED_STEP = 0.003
-#: Largest step, in sigmas, from which the next one is predicted; a longer one leaves the range of the linearisation.
+#: Largest step, in sigmas, from which the next step is predicted; the linearisation is invalid for longer steps.
 LINEAR_STEP = 1.0
 #: Number of equally spaced headings that are compared if the azimuth is ambiguous.
 AZIMUTH_CANDIDATES = 12
@@ -157,7 +157,7 @@ def _chi2(run: NavigationPass) -> float:
 
 @dataclass
 class _Relinearisation:
-    """Passes over one stage; `passes` is the number of passes by `iterate`."""
+    """Passes over one stage; `passes` counts those of `iterate`."""
 
     data: StageData
     context: SolveContext
@@ -167,7 +167,7 @@ class _Relinearisation:
     passes: int = 0
 
     def first_point(self, start: Start) -> FloatArray:
-        """Return the first linearisation point: the prior mean, with the first rest's gyro bias if more accurate."""
+        """Return the first linearisation point: the prior mean, or the gyro bias of the first rest if more accurate."""
         context, prior, dt = self.context, self.prior, self.data.dt
         point = prior.mean.copy()
         earth = rotation_rate(context.site.latitude)
@@ -181,7 +181,7 @@ class _Relinearisation:
         return point
 
     def best_azimuth(self, point: FloatArray, segments: list[Start]) -> list[Start]:
-        """Return the starts for the heading, out of `AZIMUTH_CANDIDATES`, whose first pass fits the data best."""
+        """Return the starts for that heading, of `AZIMUTH_CANDIDATES`, whose first pass fits the data best."""
         candidates = []
         for k in range(AZIMUTH_CANDIDATES):
             turn = axis_rotation((0.0, 0.0, 1.0), 2.0 * np.pi * k / AZIMUTH_CANDIDATES)
@@ -210,7 +210,7 @@ class _Relinearisation:
             posterior = run.posterior
             sigma = np.where(posterior.sigma > 0.0, posterior.sigma, 1.0)
             last_step, step = step, float(np.max((np.abs(posterior.mean - point) / sigma)[self.estimated], initial=0.0))
-            # small steps shrink at least as fast as the last two did, which bounds the next one
+            # small steps decrease at least at the ratio of the last two, which bounds the next step
             small_next = step < LINEAR_STEP and step * step < CONVERGED_STEP * last_step
             enough_passes = self.passes > (1 if self.estimated.any() else PASSES_AT_POINT)
             converged = enough_passes and (step < CONVERGED_STEP or small_next)
@@ -234,7 +234,7 @@ class _Relinearisation:
     def one_pass(
         self, kind: type[Pass], point: FloatArray, segments: list[Start], attitudes: list[FloatArray]
     ) -> tuple[Pass, list[FloatArray]]:
-        """Run one pass of a kind about a point and start attitudes; also return the attitudes at the ends."""
+        """Run one pass of a kind about a point and start attitudes; also return the attitudes at the segments' ends."""
         run = kind(self.context, self.prior, point)
         ends = []
         self.pass_progress.begin(sum(-(-(s.end - s.begin) // (run.stride * run.group_size)) for s in segments))
@@ -291,7 +291,7 @@ def first_pass(
 def pass_about(
     result: NavigationResult, data: StageData, context: SolveContext, prior: Posterior, estimated: BoolArray
 ) -> NavigationResult:
-    """Return one more pass about a solution, with the noise of `context`."""
+    """Return another pass about a solution, with the noise of `context`."""
     solver = _Relinearisation(data, context, prior, estimated, _PassProgress(None, USUAL_PASSES))
     run, _ = solver.one_pass(ReferencePass, result.point, list(result.starts), list(result.attitudes))
     return replace(result, posterior=run.posterior, history=run.history, updates=tuple(run.updates))

@@ -1,4 +1,4 @@
-"""Response of the navigation filter to errors of its prior, to effects outside the model, and to local errors."""
+"""Response of the navigation filter to errors of its prior, to effects outside the model, and to errors in spans."""
 
 from collections.abc import Sequence
 
@@ -55,8 +55,8 @@ def result_sensitivity(
     """Return the sensitivity of a solution to prior errors and to effects, from the updates of its last pass.
 
     An effect of the sensors is an additional sensor error, averaged over each group of observations. An effect of the
-    table is a velocity that is missing in every observation. The effect of a jump is computed from the update in which
-    it begins.
+    table is a velocity that is missing in every observation. The effect of a parameter change is computed from the
+    update in which it begins.
 
     Parameters
     ----------
@@ -116,9 +116,9 @@ def _propagate_errors(
     ----------
     update : the groups
     regressors, terms : result of `mean_regressors` for these groups
-    missing : velocities that the observations lack per unit of size, shape (g, r, k)
+    missing : velocities missing in the observations, per unit of size, shape (g, r, k)
     of_table : component of each of these sizes, shape (k,)
-    error : state errors, shape (n, columns), updated in place except for δp, on which nothing depends
+    error : state errors, shape (n, columns); updated in place, except for δp, which affects nothing
     white : output
     """
     groups, rows, _ = update.H.shape
@@ -167,7 +167,7 @@ def local_scores(spans: Sequence[tuple[int, int]], *, updates: Sequence[Updates]
     ----------
     spans : indices (start, stop) of the samples of each span
     updates : updates of the last pass
-    index : number of samples before each of its n observations, shape (n,)
+    index : number of samples before each of the n observations of that pass, shape (n,)
     """
     stops = np.array([stop for _, stop in spans])
     size, width = updates[0].H.shape[2], 6 * len(spans)
@@ -264,8 +264,8 @@ def motion_between_observations(
         outer = OuterTurn(*(np.concatenate(column) for column in zip(*known, strict=True)))
     rate, specific_force, turning, jerk, time, coning = (np.concatenate(c) for c in zip(*parts, strict=True))
     axes = np.eye(3) + group_matrix(point, "gyro_scale", "gyro_misalign")
-    turned = last_turns(data, point, context.turned, starts[0].begin)  # a stage may begin with a move
-    return Motion(rate, specific_force, turning, jerk, time, outer, np.array(turned), coning, axes)
+    senses = last_turns(data, point, context.initial_turn_senses, starts[0].begin)  # a stage may begin with a move
+    return Motion(rate, specific_force, turning, jerk, time, outer, np.array(senses), coning, axes)
 
 
 def _outer_turn(
@@ -273,8 +273,9 @@ def _outer_turn(
 ) -> tuple[FloatArray, ...] | None:
     """Return the fields of `OuterTurn` for the intervals of a segment, the first of which is at rest.
 
-    The outer axis follows from the azimuth of the table, or else from attitude and angles at the start; None if those
-    are not known either. `attitude` is C_bn at the ends of the intervals, shape (n, 3, 3), and `duration` theirs, s.
+    The outer axis is computed from the azimuth of the table or, if that is unknown, from the attitude and the angles at
+    the start; the result is None if there are no angles either. `attitude` is C_bn at the ends of the intervals, shape
+    (n, 3, 3), and `duration` is the duration of an interval, s.
     """
     geometry, azimuth = context.table.geometry, context.site.azimuth
     if azimuth is not None:
@@ -292,8 +293,8 @@ def _outer_turn(
 def _constant_in_groups(errors: FloatArray, attitude: FloatArray, width: int) -> FloatArray:
     """Return errors in b, constant in each group of `width` intervals, with the same sums in n, shape (n, 3).
 
-    `attitude` is C_bn in the middle of each interval, shape (n, 3, 3). Errors that change while the unit rotates have
-    another effect than their mean. If a unit rotates too far within a group, the mean is used.
+    `attitude` is C_bn in the middle of each interval, shape (n, 3, 3). The effect of errors that change while the unit
+    rotates differs from that of their mean. If a unit rotates too far within a group, the mean in b is used.
     """
     first = np.arange(0, len(errors), width)
     counts = np.diff(first, append=len(errors))

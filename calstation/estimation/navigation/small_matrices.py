@@ -53,7 +53,7 @@ def backward(L: FloatArray, B: FloatArray) -> None:
 def add_product(A: FloatArray, B: FloatArray, out: FloatArray) -> None:
     """Add A B, shape (n, k), to `out` for A of shape (n, m) and B of shape (m, k), where n and m are multiples of 3.
 
-    It processes blocks of three rows of each matrix, so that loaded values are reused.
+    Blocks of three rows of each matrix are processed together, so that loaded values are reused.
     """
     for i in range(0, len(A), 3):
         u, v, w = out[i], out[i + 1], out[i + 2]
@@ -71,7 +71,7 @@ def add_product(A: FloatArray, B: FloatArray, out: FloatArray) -> None:
 
 @kernel
 def subtract_transposed_product(A: FloatArray, B: FloatArray, out: FloatArray) -> None:
-    """Subtract Aᵀ B, shape (n, k), from `out` for A of shape (m, n) and B of shape (m, k), as in `add_product`."""
+    """Subtract Aᵀ B, shape (n, k), from `out` for A of shape (m, n) and B of shape (m, k); see `add_product`."""
     for i in range(0, len(out), 3):
         u, v, w = out[i], out[i + 1], out[i + 2]
         for m in range(0, len(A), 3):

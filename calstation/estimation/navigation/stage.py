@@ -1,4 +1,4 @@
-"""Solver of the stages with the 39-state filter, which updates the sigmas live and solves the stage at its end."""
+"""Solver of stages with the 39-state filter: updates the sigmas during the stage and solves the stage at its end."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -36,7 +36,7 @@ from calstation.estimation.navigation.relinearise import NavigationResult, first
 from calstation.estimation.navigation.response import local_scores, result_sensitivity
 from calstation.physics import COUNT, NAMES, PARAMETERS, BoolArray, Dwell, FloatArray, targets_reached
 
-#: Shortest duration of the data after a start for which the live filter aligns, s.
+#: Shortest duration of data after a start from which the live filter aligns, s.
 LIVE_ALIGNMENT = 5.0
 
 
@@ -95,7 +95,7 @@ class NavigationStage(StageSolver):
     ) -> None:
         super().__init__(context, prior)
         self.stage, self.estimated, self._targets = stage, estimated, targets
-        #: Number of samples, and the sigmas near the targets that were computed from them.
+        #: Number of samples, and the sigmas computed from them once the live sigmas met the targets.
         self._near_targets: tuple[int, FloatArray] | None = None
         self._live = LiveFilter(context, prior)
 
@@ -107,9 +107,10 @@ class NavigationStage(StageSolver):
     def sigma(self) -> FloatArray:
         """Return the current standard deviations of the 30 parameters, SI, shape (30,).
 
-        Once all of them are within their targets, they are those of a solution, with the effects in the unit's model,
-        and with the noise measured at rest if it is larger than that of the profiles. They are then infinite while no
-        solution is possible, such as before the first rest of a stage that meets its targets from the start.
+        Once all sigmas of the live filter are within their targets, the sigmas are those of a solution with the effects
+        in the unit's model, and with the noise measured at rest if it is larger than that of the profiles. They are
+        then infinite while no solution is possible, for example before the first rest of a stage that meets its targets
+        from the start.
         """
         sigma = self._live.sigma()
         if not self._targets or not targets_reached(sigma, self._targets):
@@ -158,7 +159,7 @@ class NavigationStage(StageSolver):
         return self.solve(self.buffer.data(), progress)
 
     def solve(self, data: StageData, progress: Progress | None = None) -> Solution:
-        """Solve other samples than the stored ones, see `finish`."""
+        """Solve the given samples instead of the stored ones; see `finish`."""
         mask = np.array([name in self.estimated for name in NAMES])
         measured = rest_noise(data, self.context, self.prior.gyro_bias)
         context = with_measured_noise(self.context, measured)
@@ -206,7 +207,7 @@ class NavigationStage(StageSolver):
     def _sensitivity(
         self, data: StageData, context: SolveContext, mask: BoolArray, result: NavigationResult, slow: float
     ) -> Sensitivity:
-        """Return the sensitivity to effects, with the actual noise for tests and the assumed one for the estimate."""
+        """Return the sensitivity to effects, with the actual noise for tests and the assumed noise for the estimate."""
         with_noise = pass_with_actual_noise(data, context, self.prior, mask, result, slow)
         tested = result_sensitivity(with_noise, data, context, mask)
         if with_noise is result:

@@ -1,8 +1,9 @@
-"""Solver of a stage at several temperatures: the 39-state filter at each of them, and one fit of all coefficients.
+"""Solver of a stage at several temperatures: a 39-state filter at each temperature, and one fit of all coefficients.
 
-The samples of each temperature are solved separately, with the widest prior, so that their information is independent.
-Within them, the temperature still changes: once the coefficients are known, the samples are converted to the mean
-temperature and solved again, which linearises about the parameters at the temperature of every sample.
+The samples at each temperature are solved separately, with the prior of the stage, so that their information is
+independent. The temperature still changes during these samples: once the coefficients are known, the samples are
+reduced to the mean temperature and solved again, which linearises about the parameters at the temperature of every
+sample.
 """
 
 import itertools
@@ -46,15 +47,15 @@ from calstation.estimation.temperature import (
 )
 from calstation.physics import COUNT, GROUPS, FloatArray, group_indices
 
-#: End of a soak that is solved with the moves after it, s.
+#: Duration at the end of a soak that is solved together with the moves after it, s.
 _BEFORE = 20.0
 #: Largest number of solutions of all temperatures, and largest change of a coefficient that ends them, in sigmas.
 _MAX_PASSES, _CONVERGED = 6, 0.02
-#: Number of fits in which the lags are corrected, and of temperatures that are averaged.
+#: Number of fits in which the lags are corrected, and number of temperatures in a mean.
 _LAG_PASSES, _MEAN_OF = 2, 201
-#: Largest distance of an end of the range from the lowest or highest temperature of the fitted samples, K: a unit in a
-#: chamber at that end may settle this far from it.
-_BEYOND = 2.0
+#: Largest distance of an end of the range from the lowest or highest temperature of the fitted samples, K: the unit's
+#: temperature may differ this much from that of the chamber.
+_MAX_END_DISTANCE = 2.0
 #: Largest distance of a held-out temperature from its measurement, as a part of the range.
 _MARGIN = 0.05
 
@@ -79,8 +80,8 @@ class TemperatureStage(StageSolver):
         context : models, including the orders of the polynomials
         prior : parameters before the stage
         estimated : names of the parameters
-        soak : duration of a rest from which it separates two temperatures, s
-        moves : number of moves of a cycle, which is a point of a ramp
+        soak : duration of the shortest rest that separates two temperatures, s
+        moves : number of moves in a cycle, which is one point of a ramp
         is_ramp : whether the temperature changes between the soaks
         """
         super().__init__(context, prior)
@@ -92,7 +93,7 @@ class TemperatureStage(StageSolver):
         self._messages: list[tuple[str, Mapping[str, Any]]] = []
 
     def data(self) -> StageData:
-        """Return the valid samples, after the solution as if all had been taken at the reference temperature."""
+        """Return the valid samples; after the solution, reduced to the reference temperature."""
         return self._reduced or super().data()
 
     def finish(self, progress: Progress | None = None) -> Solution:
@@ -101,7 +102,7 @@ class TemperatureStage(StageSolver):
         if np.isnan(block.temperature).all():
             raise InputError("temperature.no_column")
         bounds = temperature_parts(block, self._soak, self._moves, is_ramp=self._is_ramp)
-        # cycles of a ramp follow each other, and soaks separate other temperatures, at which no element lags
+        # cycles of a ramp adjoin each other; other temperatures are separated by soaks, after which no element lags
         is_ramp = any(a[1] == b[0] for a, b in itertools.pairwise(bounds))
         self._model = replace(self._model, has_lag=is_ramp)
         parts = [_Part(block.part(*at), self.context, block.time[0]) for at in bounds]
@@ -134,8 +135,8 @@ class TemperatureStage(StageSolver):
         extents = [p.extent or (p.temperature, p.temperature) for p in points if not p.is_held_out]
         lowest = min((extent[0] for extent in extents), default=self._model.reference)
         highest = max((extent[1] for extent in extents), default=self._model.reference)
-        if lowest > low + _BEYOND or highest < high - _BEYOND:
-            measured = {"low": lowest, "high": highest, "beyond": _BEYOND}
+        if lowest > low + _MAX_END_DISTANCE or highest < high - _MAX_END_DISTANCE:
+            measured = {"low": lowest, "high": highest, "beyond": _MAX_END_DISTANCE}
             raise InsufficientDataError("temperature.not_covered", range_low=low, range_high=high, **measured)
         different, fitted = different_temperatures(points), sum(not p.is_held_out for p in points)
         for group in GROUPS:
@@ -177,7 +178,7 @@ class TemperatureStage(StageSolver):
         return fit, points, used
 
     def _completed(self, point: TemperaturePoint, solution: Solution) -> TemperaturePoint:
-        """Return a point with the noise of the table, and with the effects in the model about their means."""
+        """Return a point with the noise of the table, and with the means of the effects in the model applied."""
         noise = next((test.value for test in solution.tests if test.kind == "table_noise"), 1.0)
         point = replace(point, table_noise=noise)
         if solution.sensitivity is None:
@@ -193,8 +194,8 @@ class TemperatureStage(StageSolver):
     def _courses(self, block: SampleBlock, parts: Sequence["_Part"], lags: FloatArray) -> Sequence[ElementTemperatures]:
         """Return the temperatures of the elements during each part.
 
-        Those of a soak are from its own samples, because samples between two soaks may not have been recorded. An
-        element that lags depends on the samples before.
+        Without lags, the temperatures of a part are computed from its own samples, because samples between two soaks
+        may not have been recorded. The temperature of an element that lags also depends on earlier samples.
 
         Parameters
         ----------
@@ -252,7 +253,7 @@ class _Part:
         known = block.valid & ~np.isnan(block.temperature)
         if not known.any():
             raise InputError("temperature.unknown", first=int(block.seq[0]), last=int(block.seq[-1]))
-        self.course = element_temperatures(block, NO_LAGS)  #: Temperatures of elements that do not lag.
+        self.course = element_temperatures(block, NO_LAGS)  #: Temperatures of the elements without lags.
         self._sensor = self.course.values[:, 0]
         self.mean = float(block.temperature[known].mean())  #: °C
         duration = float(block.time[-1] - block.time[0])
@@ -265,12 +266,12 @@ class _Part:
         return np.array([rows.mean(axis=0) for rows in elements.at(times)])
 
     def at_mean(self, fit: Polynomials, elements: ElementTemperatures) -> StageData:
-        """Return the samples as if all had been taken at the mean temperatures."""
+        """Return the samples, reduced to the mean temperatures."""
         temperature, rate = self.means(elements)
         return reduced(self.data, fit, elements, fit.at(temperature[ELEMENT_OF], rate[ELEMENT_OF]).mean)
 
     def point(self, posterior: Posterior, prior: Posterior) -> TemperaturePoint:
-        """Return the solution of the part; whether the temperature rose or fell is determined later."""
+        """Return the solution of the part as a point; whether the temperature rises or falls is determined later."""
         seq = self._block.seq
         times, extent = (self.mean, self._rate, self._time), (self._sensor.min(), self._sensor.max())
         point = TemperaturePoint(*times, "soak", int(seq[0]), int(seq[-1]), prior, posterior)
@@ -283,8 +284,8 @@ def temperature_parts(block: SampleBlock, soak: float, moves: int, *, is_ramp: b
     Parameters
     ----------
     block : samples of the stage
-    soak : duration of a rest from which it separates two temperatures, s
-    moves : number of moves of a cycle
+    soak : duration of the shortest rest that separates two temperatures, s
+    moves : number of moves in a cycle
     is_ramp : whether the moves between two soaks are divided into cycles; without soaks, they always are
     """
     edges = np.concatenate([[0], np.flatnonzero(np.diff(block.step)) + 1, [len(block)]])
@@ -304,14 +305,14 @@ def temperature_parts(block: SampleBlock, soak: float, moves: int, *, is_ramp: b
 
 
 def _cycles(bounds: Sequence[int], moves: int) -> list[tuple[int, int]]:
-    """Divide moves between their bounds into cycles; a last cycle of one or two moves is left out."""
+    """Divide moves, given by their bounds, into cycles; a last cycle of one or two moves is omitted."""
     ends = range(0, len(bounds) - 1, moves)
     cycles = [bounds[k : k + moves + 1] for k in ends]
     return [(int(cycle[0]), int(cycle[-1])) for cycle in cycles if len(cycle) > 3]
 
 
 def _instability(imu: ImuModel) -> FloatArray:
-    """Return the lowest Allan deviation of the biases due to their instability, SI, shape (30,)."""
+    """Return the minimum of the Allan deviation of each bias due to its instability, SI, shape (30,)."""
     sigmas = np.zeros(COUNT)
     for group, size in (("gyro_bias", imu.gyro_bias_instability), ("accel_bias", imu.accel_bias_instability)):
         sigmas[group_indices(group)] = np.sqrt(2.0 * np.log(2.0) / np.pi) * size
@@ -327,6 +328,6 @@ def _change(before: Polynomials, after: Polynomials) -> float:
 
 
 def _severity(test: ModelTest) -> tuple[bool, float]:
-    """Return whether a test fails, also by a value that is not a number, and the ratio of its value to its limit."""
+    """Return whether a test fails, for example because its value is NaN, and the ratio of the value to the limit."""
     limit = test.limit[1] if isinstance(test.limit, tuple) else test.limit
     return not test.passed, test.value / limit if limit > 0.0 else test.value

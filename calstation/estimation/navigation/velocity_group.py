@@ -1,10 +1,10 @@
 """Compiled computation of transition, noise and Jacobian of a group of velocity observations.
 
-The matrix algebra of 39 states takes as long for three rows as for fifteen, so observations are processed in groups.
+The matrix algebra of 39 states takes nearly as long for three rows as for fifteen, so groups of observations are used.
 The observed velocity is the mean over an interval of T s, because samples of a vibration would alias. With the outer
 lever arm r and the displacement p of the IMU (the integral of its velocity), it is z_k = (C_k r − C_(k−1) r − p)/T.
-The errors at the end of the interval, x_k = Φ_k x_(k−1) + w_k, change it by B_k x_k and those at its start by A_k
-x_(k−1), so that z_k = H_k x_(k−1) + B_k w_k + v_k with H_k = B_k Φ_k + A_k. With the state at the end of the group,
+The errors at the end of the interval, x_k = Φ_k x_(k−1) + w_k, change z_k by B_k x_k, and those at its start by
+A_k x_(k−1), so that z_k = H_k x_(k−1) + B_k w_k + v_k with H_k = B_k Φ_k + A_k. With the state at the end of the group,
 
     z_k = G_k x_n + B_k w_k + v_k − G_k w_(k−1→n),      G_k = H_k Φ(n←k−1)⁻¹,
 
@@ -68,8 +68,8 @@ class Reference(NamedTuple):
 class VelocityGroup(NamedTuple):
     """Output of `observe` for n observations and a filter with m states, 39, or 45 with bias drift."""
 
-    transition: FloatArray  #: Transition over the group, shape (m, m); the caller fills in the drift states.
-    noise: FloatArray  #: Process noise over the group, shape (m, m); the caller fills in the drift states.
+    transition: FloatArray  #: Transition over the group, shape (m, m); the caller writes the decay of the drift states.
+    noise: FloatArray  #: Process noise over the group, shape (m, m); the caller writes that of the drift states.
     shift: FloatArray  #: Change of the errors φ, δv, δp due to following a reference, shape (9,).
     z: FloatArray  #: Observations of the state at the end of the group, shape (3 n,).
     H: FloatArray  #: Jacobian of the observations, shape (3 n, m).
@@ -80,7 +80,7 @@ class VelocityGroup(NamedTuple):
 
 
 def velocity_group(count: int, size: int) -> VelocityGroup:
-    """Allocate the arrays for `count` observations of `size` states."""
+    """Allocate the arrays for `count` observations and a filter with `size` states."""
     rows = 3 * count
     return VelocityGroup(
         np.eye(size),
@@ -345,7 +345,7 @@ def _linearise(
 def _refer_to_end(
     s: Setting, steps: FloatArray, forces: FloatArray, arms: FloatArray, shifts: FloatArray, group: VelocityGroup
 ) -> None:
-    """Express the observations of a group by the state at its end, from the last interval to the first."""
+    """Express the observations of a group in terms of the state at its end, from the last interval to the first."""
     count = len(steps)
     N, B = np.eye(NAVIGATION), np.zeros((NAVIGATION, COUNT))
     W, Q = np.zeros((NAVIGATION, NAVIGATION)), np.zeros((NAVIGATION, NAVIGATION))

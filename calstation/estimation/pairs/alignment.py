@@ -2,13 +2,13 @@
 
     primary's time = secondary's time + τ,    τ(t) = τ₀ + d (t − t₀)
 
-τ is known to some milliseconds from the arrival times: the smallest delay of a stream's samples is its transport delay.
-In motion it is measured from the rates alone. Within a window, the secondary's rate at the primary's times is
+Arrival times determine τ to some milliseconds: the smallest delay of a stream's samples is its transport delay. In
+motion, τ is measured from the rates alone. Within a window, the secondary's rate at the primary's times is
 
     ω₂ = C ω₁ + b + C ω₁' δ
 
-where the remaining offset δ is common to its axes. ω₁ and a constant are regressed out, so that neither scale factors
-nor misalignments nor biases of either unit enter, and δ follows by least squares. A Kalman filter of offset and drift
+where the remaining offset δ is common to all axes. ω₁ and a constant are regressed out, which removes the scale
+factors, misalignments and biases of both units, and δ follows by least squares. A Kalman filter of offset and drift
 combines the windows; the drift is a random walk.
 """
 
@@ -24,7 +24,7 @@ from calstation.physics import FloatArray, IntArray
 
 #: Duration of a window in which the offset is measured, s.
 WINDOW = 2.0
-#: Rate to which a window is averaged before differentiation, Hz: well above the motion, below most of the noise.
+#: Sample rate after averaging, before differentiation, Hz: well above the motion, below most of the noise.
 _AVERAGED_RATE = 100.0
 #: Smallest rms change of the rate within a window from which the offset is measured, rad/s.
 _MIN_CHANGE = np.deg2rad(5.0)
@@ -36,8 +36,8 @@ ARRIVAL_SIGMA, _DRIFT_SIGMA = 0.05, 100e-6
 _DRIFT_WALK = 3e-9
 #: Smallest standard deviation of a measured offset, s.
 _MIN_SIGMA = 1e-6
-#: Largest deviation of a measurement from the prediction, in sigmas, and number of rejections after which the search
-#: is repeated.
+#: Largest deviation of a measurement from its prediction, in sigmas, and number of rejections after which the offset is
+#: searched for again.
 _MAX_DEVIATION, _MAX_REJECTIONS = 6.0, 3
 #: Largest error of an offset from arrival times that the initial measurement corrects, s.
 _SEARCH_RANGE = 0.25
@@ -49,7 +49,7 @@ _HALF_WIDTH = 5
 _BUFFER_TIME = 6.0
 #: Window over which the smallest delay is determined, s.
 _DELAY_WINDOW = 10.0
-#: Increase of the delay that indicates a jump of a unit's clock, s, and its shortest duration, s, because a busy
+#: Increase of the delay that indicates a jump of a unit's clock, s, and time for which it must last, s, because a busy
 #: computer also delays samples.
 _JUMP, _MIN_JUMP_TIME = 0.5, 3.0
 #: Decrease of the delay that indicates a jump of a unit's clock, s; the first samples may be delayed by a buffer.
@@ -113,13 +113,14 @@ class Alignment:
     offset: float  #: Added to the secondary's time to obtain the primary's, s.
     drift: float  #: Change of the offset per second.
     sigma: float  #: Standard deviation of the offset, s.
-    measured: bool  #: Whether the offset was measured; otherwise it is known from arrival times only.
+    measured: bool  #: Whether measurements of the offset agree (`ClockFilter.locked`).
 
 
 class ClockFilter:
     """Estimates the offset and drift of a secondary's clock relative to the primary's.
 
-    `locked` is True while measurements of the offset agree, `arrival` while it is known only from arrival times.
+    `locked` is True while measurements of the offset agree, and `arrival` while the offset is known only from arrival
+    times.
     """
 
     def __init__(self) -> None:
@@ -284,9 +285,9 @@ class PairAligner:
             self._streams[number].add(seq, counts, arrival, restarted)
 
     def take(self, now: float) -> tuple[SampleBlock, list[int]]:
-        """Return the rows that are complete at host time `now`, s, and the secondaries that were realigned.
+        """Return the rows that are complete at host time `now`, s, and the indices of realigned secondaries.
 
-        A secondary is realigned when its offset is measured for the first time after a start; it is given by its index.
+        A secondary is realigned when its offset is measured for the first time, or again after measurements disagreed.
         """
         primary = self._streams[0]
         delay = primary.delay
@@ -368,7 +369,7 @@ class PairAligner:
 
 
 def _search(omega: FloatArray, omega2: FloatArray, dt: float) -> float | None:
-    """Return the offset, s, with the largest correlation of the rate magnitudes; None if they do not agree."""
+    """Return the offset, s, with the largest correlation of the rate magnitudes; None if it is too small."""
     max_lag = round(_SEARCH_RANGE / dt)
     a, b = (np.linalg.norm(values, axis=1) for values in (omega, omega2))
     inner = b[max_lag : len(b) - max_lag]

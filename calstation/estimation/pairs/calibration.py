@@ -1,7 +1,7 @@
-"""Cross-calibration of a secondary IMU: static check at a rest, calibration from synchronous motion, live correction.
+"""Cross-calibration of a secondary IMU: static check at rest, calibration from synchronous motion, live correction.
 
 At rest the magnitude of the specific force equals gravity, and the rate equals earth rate. A secondary is compensated
-first with its stored error relative to the primary and then with the primary's errors, because the stored error refers
+first with its stored errors relative to the primary and then with the primary's errors, because the stored errors refer
 to the raw output of the primary. Recordings without paired samples or motion, with frozen channels, or in wrong units
 or axes are rejected.
 """
@@ -100,7 +100,7 @@ def compensate_secondary(
     Parameters
     ----------
     pair : stored errors of the secondary, SI, shape (28,)
-    c : parameters of the primary
+    c : compensation constants of the primary
     gyro2, accel2 : raw mean rates, rad/s, and raw mean specific forces, m/s², shape (n, 3)
     """
     C, A = pair[GYRO_MATRIX].reshape(3, 3), pair[ACCEL_MATRIX].reshape(3, 3)
@@ -127,7 +127,7 @@ class PairCalibration:
         self._gravity = context.site.local_gravity
 
     def last_rest(self, data: StageData) -> tuple[int, int] | None:
-        """Return the last rest that is long enough for a check, or None."""
+        """Return the last rest (start, stop) that is long enough for a check, or None."""
         rests = find_stillness(data, self._primary, self.schedule.static_s).rests
         return rests[-1] if rests else None
 
@@ -159,7 +159,7 @@ class PairCalibration:
         return tuple(s for s in SENSORS if check.primary[s].within)
 
     def to_calibrate(self, check: StaticCheck) -> tuple[str, ...]:
-        """Return the sensors that are out of tolerance in the secondary and have a reference in the primary."""
+        """Return the sensors of the secondary that are out of tolerance and have a reference in the primary."""
         return tuple(s for s in self.references(check) if not check.secondary[s].within)
 
     def choose_terms(self, check: StaticCheck) -> PairChoice:
@@ -228,8 +228,8 @@ class SecondaryCorrection:
         """Return rate, rad/s, and specific force, m/s², of the next samples at the primary, NaN where missing.
 
         `counts` are raw, shape (n, 6). Without a fitted lever arm, the force refers to the secondary's location. The
-        angular acceleration is found from the last `SLOPE_TIME`, so that no sample is delayed; it is 0 next to missing
-        samples.
+        angular acceleration is computed from the rates of the last `SLOPE_TIME`, so that no sample is delayed; it is 0
+        next to missing samples.
         """
         raw = counts * self._size
         omega, force = compensate_secondary(self._pair, self._primary, raw[:, :3], raw[:, 3:])

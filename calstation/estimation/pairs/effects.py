@@ -1,7 +1,7 @@
 """Tests of a fitted pair for effects outside the model, one added effect at a time.
 
-The size of an effect comes from a linearised fit that includes it. The jackknife over blocks of time gives its
-covariance, whatever the spectrum of the residuals. The effect belongs to the secondary, or to the primary with the
+The size of an effect is estimated in a linearised fit that includes it. The jackknife over blocks of time gives its
+covariance for residuals of any spectrum. The effect may be one of the secondary, or one of the primary with the
 opposite sign.
 """
 
@@ -17,7 +17,7 @@ from calstation.physics import AXES, EFFECTS, INDEX, OF_ACCELEROMETERS, Effect, 
 _QUADRATIC = Effect("accel_quadratic", "s²/m", 1e-3, tuple(AXES), lambda m: m.force**2, OF_ACCELEROMETERS)
 
 
-#: Smallest number of blocks for a test: the jackknife has as many degrees of freedom.
+#: Smallest number of blocks for a test; it determines the degrees of freedom of the jackknife.
 MIN_BLOCKS = 40
 
 
@@ -32,7 +32,7 @@ class Block:
 
 
 def jackknife(normals: FloatArray, gradient: FloatArray, prior: FloatArray | float = 0.0) -> FloatArray:
-    """Return the covariance of the solution, shape (k, k), from its changes if each of b blocks is omitted in turn.
+    """Return the covariance of the solution, shape (k, k), from its changes when each of b blocks is omitted in turn.
 
     This is the sandwich estimator with a correction for the leverage of every block (R. M. Bell and D. F. McCaffrey,
     Survey Methodology 28(2), 2002), without which the residuals of a block with strong motion would be too small.
@@ -74,11 +74,11 @@ def pair_effects(
     duration : duration of the recording, s
     bias_drift : variance of the change of a bias over the recording by bias instability, by group, SI
     changes : prior sigma of the change of each of the 30 parameters of an IMU, SI, see `plausible_changes`
-    sigma, names : of the fitted parameters, shape (k,)
+    sigma, names : sigmas and names of the fitted parameters, shape (k,)
     """
     if len(blocks) < MIN_BLOCKS:
         return []
-    # a jump near an end would be determined by a few blocks only
+    # steps are not tested, because a step near an end would be determined by a few blocks only
     drifts = (c for c in parameter_changes(duration) if c.cause == "drift")
     candidates = [c for c in (*EFFECTS, _QUADRATIC, *drifts) if is_tested(c)]
     if not candidates:
@@ -108,7 +108,7 @@ def _evidence(
     sigma: FloatArray,
     names: Sequence[str],
 ) -> EffectEvidence:
-    """Evaluate the test of an effect from the normal equations with it, shapes (blocks, m, m) and (blocks, m)."""
+    """Evaluate the test of an effect from normal equations that include it, shapes (blocks, m, m) and (blocks, m)."""
     k = len(names)
     plausible = np.array([changes[INDEX[name]] for name in candidate.parameters])
     if candidate.plausible is not None:

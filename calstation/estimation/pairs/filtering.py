@@ -77,7 +77,7 @@ class Signals:
 
 
 def signals(data: PairData, offset: float, c: Compensation) -> Signals:
-    """Filter all sufficiently long segments; shift the primary by `offset` s, compensate the lever term with `c`."""
+    """Filter all sufficiently long segments, shift the primary by `offset`, s, and compute the lever term with `c`."""
     shift = round(offset / data.dt)
     interpolator, differentiator = _kernels(offset / data.dt - shift)
     differentiator, matrix = differentiator / data.dt, np.linalg.inv(c.accel_inverse)

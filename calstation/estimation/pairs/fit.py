@@ -4,8 +4,8 @@
     accel   secondary(t) = C_a (f + M (α × r + ω × (ω × r)))(t + τ) + b_a
 
 ω, f are the raw output of the primary. In the lever term, ω and α are compensated with the primary's own errors and M
-is its accelerometer matrix, so that the bracket is the output of the primary if it were located at the secondary. r
-points from the primary's reference point to the secondary's. The clock offset τ is added to the secondary's time to
+is its accelerometer matrix, so the bracket is the output that the primary would have at the location of the secondary.
+r points from the primary's reference point to the secondary's. The clock offset τ is added to the secondary's time to
 obtain the primary's. Both streams pass through the same low-pass filter, so its effect on the motion cancels.
 
 The normal matrix is corrected for the bias due to the primary's noise (W. A. Fuller, *Measurement Error Models*, 1987,
@@ -37,7 +37,7 @@ MAX_BLOCKS = 200
 MAX_OFFSET = 1.0
 #: Size of a residual, relative to the typical size, above which its weight decreases.
 HUBER_THRESHOLD = 4.0
-#: Smallest share of the information in any direction for which half a recording is solved separately.
+#: Smallest share of the information, in every direction, of half a recording that is solved separately.
 MIN_SHARE = 0.05
 MAX_ITERATIONS = 20
 GYRO_BIAS, GYRO_MATRIX = slice(0, 3), slice(3, 12)
@@ -69,7 +69,7 @@ class PairChoice:
         return mask
 
     def tests(self, effect: Effect) -> bool:
-        """Return whether an effect can be tested if the other terms are not fitted."""
+        """Return whether the fitted terms allow a test of an effect."""
         if effect.on_table:
             return False
         if effect.between_sensors:
@@ -87,8 +87,8 @@ class PairFit:
     rms: tuple[float, float]  #: Residuals of gyro (rad/s) and accelerometer (m/s²) in the pass band.
     expected: tuple[float, float]  #: Residuals expected from noise alone, units as for `rms`.
     blocks: int  #: Number of jackknife blocks.
-    #: Mean squared difference between the solutions of odd and even blocks, in units of its variance, which is 1 if
-    #: the covariance is consistent.
+    #: Mean squared difference between the solutions of odd and even blocks, in units of its variance; 1 if the
+    #: covariance is consistent.
     halves: float
     converged: bool  #: Whether the last iteration made no significant change.
     change: FloatArray  #: Second half of the recording minus the first, SI, NaN if not compared, shape (28,).
@@ -203,7 +203,7 @@ class _System:
     def _attenuation(
         self, rows: Signals, value: FloatArray, noise: FloatArray, scale: FloatArray
     ) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
-        """Return a function of a block's weights: the effect of the primary's noise on normal matrix and gradient."""
+        """Return a function from a block's weights to the effect of primary noise on normal matrix and gradient."""
         gyro, accel = rows.white * noise[0, 0] ** 2, rows.white * noise[0, 1] ** 2
         turning = rows.slope * noise[0, 0] ** 2
         A = value[ACCEL_MATRIX].reshape(3, 3)

@@ -1,4 +1,4 @@
-"""Live monitoring of secondary IMUs against their primary; calibrates those that are out of tolerance.
+"""Live monitoring of secondary IMUs against their primary, and calibration of those that are out of tolerance.
 
 After a trigger (start-up, period, command) every secondary is checked at the first rest, and those out of tolerance
 are fitted when enough motion has been recorded. A sensor that is out of tolerance in the primary is not calibrated in
@@ -27,7 +27,7 @@ from calstation.estimation.pairs.calibration import SENSORS, PairCalibration, Pa
 
 #: Time between evaluations while checking or calibrating, s.
 EVALUATION_INTERVAL = 1.0
-#: Duration of the samples before the motion that are kept for the biases, as a multiple of the shortest rest.
+#: Duration of the samples before the motion that are kept to estimate the biases, as a multiple of the shortest rest.
 MAX_REST_FACTOR = 10.0
 
 #: Time without output after which an IMU is reported as silent, s.

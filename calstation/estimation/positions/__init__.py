@@ -1,4 +1,4 @@
-"""Joint solution of rests and motions without table angles, and checks and guidance for such recordings."""
+"""Joint solution of rests and motions without table angles, and checks of and guidance for such recordings."""
 
 from calstation.estimation.positions.evidence import (
     Evidence,

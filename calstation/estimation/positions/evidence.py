@@ -1,4 +1,4 @@
-"""Rests of a stage and rotations measured by the gyros, which the product's checks evaluate."""
+"""Rests of a stage and rotations measured by the gyros, for the product's checks."""
 
 from dataclasses import dataclass, field
 
@@ -39,7 +39,7 @@ class RestEvidence:
     angles: FloatArray | None  #: Encoder angles, rad, shape (2,); None if they were not polled.
     force_sigma: float = 0.0  #: Sigma of each component of `force`, m/s².
     excess_sigma: float = 0.0  #: Increase of this sigma due to noise above the profiles', m/s².
-    #: Raw rate, averaged with `slope_weights`, rad/s, shape (3,): rocking of the table changes it less than `rate`.
+    #: Raw rate, averaged with `slope_weights`, rad/s, shape (3,), which rocking of the table changes less than `rate`.
     steady_rate: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def compensated(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -48,7 +48,7 @@ class RestEvidence:
         return omega[0], force[0]
 
     def earth_rate(self, parameters: FloatArray) -> FloatArray:
-        """Return the rate of a rest compensated with these parameters, rad/s, shape (3,)."""
+        """Return `steady_rate` compensated with these parameters, rad/s, shape (3,)."""
         omega, _ = compensate(compensation(parameters), self.steady_rate[None], self.force[None])
         return np.asarray(omega[0])
 
@@ -80,7 +80,7 @@ class Evidence:
     stage: str
     rests: tuple[RestEvidence, ...]
     motions: tuple[MotionEvidence, ...]
-    #: Parameters of the output with which the calibrated output is compared, SI, shape (30,); 0 for raw output.
+    #: Parameters that correct the output compared with the calibrated output, SI, shape (30,); 0 for raw output.
     before: FloatArray = field(default_factory=lambda: np.zeros(COUNT))
 
 
@@ -172,8 +172,8 @@ def angle_errors(
 ) -> tuple[float, float, float]:
     """Return the errors of the angle between two rests, rad, from uncalibrated and from calibrated gyros.
 
-    The reference is the table's encoders, given its axes, or gravity if there is no table or no encoder angles. The
-    third value is the sigma of the angle between both directions of gravity, 0 for the encoders.
+    The reference is the encoders of a table with known `axes`, or gravity without a table or encoder angles. The third
+    value is the sigma of the angle between the directions of gravity at both rests; 0 for encoders.
     """
     first, second = evidence.rests[turn.before], evidence.rests[turn.after]
     if axes is None or first.angles is None or second.angles is None:
@@ -189,9 +189,9 @@ def angle_errors(
 
 
 def gravity_errors(evidence: Evidence, turn: Turn, parameters: FloatArray) -> tuple[float, float]:
-    """Return the angles between gravity at the second rest and its gyro prediction, before and after calibration, rad.
+    """Return the angles between up at the second rest and its gyro prediction, uncalibrated and calibrated, rad.
 
-    In both cases gravity is measured by the accelerometers compensated with `parameters`.
+    In both cases up is measured by the accelerometers compensated with `parameters`.
     """
     earth, up = (
         evidence.rests[turn.before].earth_rate(parameters),

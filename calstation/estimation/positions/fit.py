@@ -1,7 +1,7 @@
 """Joint solution of gravity at rests and rotation between them, weighted with the scatter of the recording.
 
-Only the magnitude of gravity determines the accelerometer scale, and only the change of its direction the gyro scale.
-D. Tedaldi, A. Pretto, E. Menegatti, *A robust and easy to implement method for IMU calibration without external
+The magnitude of gravity alone determines the accelerometer scale, and the change of its direction the gyro scale. D.
+Tedaldi, A. Pretto, E. Menegatti, *A robust and easy to implement method for IMU calibration without external
 equipments*, ICRA 2014, fit the same two quantities sequentially and without covariance. The sensitivity of the solution
 to prior errors and to effects outside the model is computed from the same rows.
 """
@@ -61,7 +61,9 @@ class PositionFit:
     chi2: float  #: Sum of the squared residuals in units of sigma.
     freedom: float  #: Degrees of freedom of the residuals.
     scatter: Scatter  #: Noise of the recording in excess of the profile.
-    assumed: tuple[str, ...]  #: Kinds of scatter, ``force`` and ``turn``, that the recording cannot measure.
+    assumed: tuple[
+        str, ...
+    ]  #: Kinds of scatter, ``force`` and ``turn``, that were assumed, because the recording does not measure them.
     force_residual: FloatArray  #: Force residuals of the rests, m/s², shape (n, 3).
     turn_residual: FloatArray  #: Rotation residuals of the motions, rad, shape (m, 3).
     converged: bool  #: Whether the last iteration made no significant change.
@@ -79,18 +81,18 @@ def fit_positions(
 ) -> PositionFit:
     """Compute the joint MAP estimate, and repeat it with more noise until the noise explains the residuals.
 
-    Parameters that are not `estimated` are consider parameters. Scatter that the recording cannot measure, because
-    nothing is redundant, has its `assumed` value.
+    Parameters that are not `estimated` are consider parameters. Scatter that the recording cannot measure for lack of
+    redundancy has at least its `assumed` value.
 
     Parameters
     ----------
     data : samples of the recording
-    rests : the k rests with their mean outputs
+    rests : rests with their mean outputs
     links : motions between rests
     context : IMU, table and site
     prior : estimate before the stage
     estimated : whether each parameter is estimated, shape (30,)
-    assumed : scatter that is used where the recording cannot measure it
+    assumed : scatter to use if the recording cannot measure it
     """
     scatter = Scatter()
     problem = profile_rows = PositionRows(data, rests, links, context, prior, scatter)
@@ -153,7 +155,7 @@ def _first_attitudes(problem: PositionRows, point: FloatArray) -> FloatArray:
 def _step(
     problem: PositionRows, estimated: BoolArray, point: PositionPoint
 ) -> tuple[PositionPoint, tuple[Posterior, LinearSolution], float]:
-    """Return the next linearisation point, the solution, and the change in sigmas, infinite for a limited step."""
+    """Return the next linearisation point, the solution, and the change in sigmas; infinite for a limited step."""
     prior, root, solution = problem.prior, problem.root, problem.solve(point)
     x = solution.x
     deviations = root @ solution.root[:COUNT]
@@ -215,9 +217,9 @@ def position_sensitivity(
 ) -> Sensitivity:
     """Return the sensitivity of a solution about a linearisation point.
 
-    The scatter of the estimate may be caused by an effect. The tests therefore use rows with the noise of the profile,
-    and divide χ² by the remaining variance after fitting all constant effects and drifts, or only the constant ones if
-    too few degrees of freedom would remain.
+    An effect may cause the scatter used for the estimate. The tests therefore use rows with the noise of the profile,
+    and divide χ² by the variance that remains after fitting all constant effects and drifts, or only the constant
+    effects if too few degrees of freedom would remain.
 
     Parameters
     ----------
@@ -296,5 +298,5 @@ def _errors(rows: PositionRows, at: PositionPoint, effects: StageEffects) -> dic
     )
     rate, force = compensate(compensation(at.parameters), np.nan_to_num(gyro), accel)  # NaN without gyros
     counts = np.array([1 if a in resting else b - a for a, b in pieces])
-    motion = Motion.steady(rate, force, time - data.time[0], np.array(rows.turned))
+    motion = Motion.steady(rate, force, time - data.time[0], np.array(rows.initial_turn_senses))
     return dict(zip([a for a, _ in pieces], effects.errors(motion, counts), strict=True))

@@ -1,7 +1,7 @@
 """Guidance for an operator who moves a unit from position to position.
 
-Every rest that is accepted here is also found by the solver. A rest is a new position only if the unit has rotated
-since the last one, so that a knock has no effect.
+The solver also finds every rest that is accepted here. A rest is a new position only if the unit has rotated since the
+last position, so a knock has no effect.
 """
 
 from collections import deque
@@ -15,16 +15,16 @@ from calstation.physics import FloatArray, rotation_matrix, rotation_vector
 
 #: Duration of a window, s.
 WINDOW = 0.25
-#: Largest gyro noise of a window at rest, relative to the quietest windows, and rad/s rms.
+#: Largest gyro noise of a window at rest, relative to the quietest windows, and absolute, rad/s rms.
 NOISE_RATIO, MAX_NOISE = 3.0, np.deg2rad(1.0)
 #: Largest difference of a window's mean rate from the rate at rest, rad/s.
-RATE = np.deg2rad(0.3)
+MAX_RATE_DIFFERENCE = np.deg2rad(0.3)
 #: Number of windows before the first decision.
 MIN_WINDOWS = 8
-#: Number of windows (20 minutes) from which noise and rate at rest are determined, which limits the computing time.
+#: Largest number of windows (20 minutes) from which noise and rate at rest are computed, to limit the computing time.
 MAX_WINDOWS = 4800
-#: Largest rotation since the last rest for which the unit is still in the same position, rad.
-SAME_POSITION = np.deg2rad(10.0)
+#: Largest rotation since the last rest at which the unit is still in the same position, rad.
+MAX_SAME_POSITION_ROTATION = np.deg2rad(10.0)
 #: Sufficient `spread` of the positions; directions distributed over the whole sphere have about 0.26.
 MIN_SPREAD = 0.1
 #: Sufficient rotation about every axis, root of the sum of squares over the motions, rad.
@@ -41,8 +41,8 @@ class Guidance:
     state: State
     rest: float  #: Time at rest so far, s.
     required: float  #: Required time at rest, s.
-    up: FloatArray  #: Measured direction of gravity in b, shape (3,).
-    positions: FloatArray  #: Directions of gravity at the completed positions, shape (k, 3).
+    up: FloatArray  #: Measured direction of up (of the specific force at rest) in b, unit vector, shape (3,).
+    positions: FloatArray  #: Directions of up in b at the completed positions, shape (k, 3).
     suffices: bool  #: Whether the positions are well distributed and the unit has rotated about every axis.
 
 
@@ -53,7 +53,7 @@ class PositionGuide:
         self._scale = imu.count_size
         self._width = max(round(WINDOW * imu.sample_rate), 4)
         self._window_duration = self._width / imu.sample_rate
-        self.ask(required)
+        self.set_required_rest(required)
         self._pending: list[SampleBlock] = []
         self._noise: deque[float] = deque(maxlen=MAX_WINDOWS)
         self._rates: deque[FloatArray] = deque(maxlen=MAX_WINDOWS)
@@ -67,7 +67,7 @@ class PositionGuide:
         self._turns = np.zeros((3, 3))  # sum of the outer products of the rotation vectors
         self._suffices = False
 
-    def ask(self, rest: float) -> None:
+    def set_required_rest(self, rest: float) -> None:
         """Set the required rest at all following positions, s."""
         # the solver uses different windows and omits both ends of a rest
         self._required = rest + 2.0 * REST_MARGIN + REST_WINDOW
@@ -92,13 +92,13 @@ class PositionGuide:
             last = len(joined) // self._width * self._width
             for start in range(0, last, self._width):
                 part = joined.part(start, start + self._width)
-                complete = self._is_complete(part)
+                complete = self._check_sequence(part)
                 self._process_window(part.counts * self._scale, complete and bool(part.valid.all()))
             self._pending = [joined.part(last, len(joined))]
         return self.now
 
-    def _is_complete(self, part: SampleBlock) -> bool:
-        """Return whether no sample is missing before or within a window."""
+    def _check_sequence(self, part: SampleBlock) -> bool:
+        """Return whether no sample is missing before or within a window; otherwise discard the rotation."""
         first = int(part.seq[0]) if self._last_seq is None else self._last_seq + 1
         self._last_seq = int(part.seq[-1])
         complete = self._last_seq - first + 1 == len(part)
@@ -118,7 +118,7 @@ class PositionGuide:
         if len(self._noise) < MIN_WINDOWS:
             return
         at_rest = np.median(self._rates, axis=0) if self._rates else rate
-        still = quiet and float(np.abs(rate - at_rest).max()) < RATE + 3.0 * noise / np.sqrt(self._width)
+        still = quiet and float(np.abs(rate - at_rest).max()) < MAX_RATE_DIFFERENCE + 3.0 * noise / np.sqrt(self._width)
         mean = self._force / max(self._windows, 1)
         if still and not (self._windows and np.linalg.norm(force - mean) > 0.05 * np.linalg.norm(mean)):
             self._add_rest_window(force)
@@ -143,7 +143,7 @@ class PositionGuide:
             return False
         tilt = np.arccos(np.clip(self._up @ self._positions[-1], -1.0, 1.0))
         rotation = 0.0 if self._turn is None else np.linalg.norm(rotation_vector(self._turn))
-        return bool(max(tilt, rotation) < SAME_POSITION)
+        return bool(max(tilt, rotation) < MAX_SAME_POSITION_ROTATION)
 
     def _add_position(self) -> None:
         """Add the current rest to the completed positions."""
@@ -167,9 +167,10 @@ class PositionGuide:
 
 
 def spread(up: FloatArray) -> float:
-    """Return the observability of nine accelerometer errors from gravity directions in b, shape (k, 3).
+    """Return the observability of nine accelerometer errors from directions of up in b, shape (k, 3).
 
-    It is the rms effect on the magnitude of gravity, in g, of the least observable combination of errors with norm 1 g.
+    It is the rms effect on the magnitude of gravity, in g, of the least observable combination of errors with norm 1 g;
+    0 for fewer than nine directions.
     """
     x, y, z = up.T
     effects = np.column_stack([x * x, x * y, y * y, x * z, y * z, z * z, x, y, z])

@@ -1,6 +1,7 @@
 """Checks of a recording of positions: frozen channels, no rest, no motion, wrong units, wrong axes.
 
-The magnitude of gravity verifies the unit of the accelerometers, the change of its direction the gyro rotation.
+The magnitude of gravity verifies the unit of the accelerometers, and the change of its direction the rotation measured
+by the gyros.
 """
 
 import itertools
@@ -28,24 +29,25 @@ from calstation.physics import AXES, CHANNELS, BoolArray, FloatArray, compensate
 FREEZE_TIME = 1.0
 #: Largest fraction of repeated samples of a noisy channel.
 NOISY = 0.05
-#: Smallest fraction of repeated samples of a column whose steps exceed its noise.
+#: Smallest fraction of repeated samples of a coarse column, whose steps exceed its noise.
 COARSE = 0.5
-#: Window in which a motion changes a column, s.
+#: Window in which motions are detected, s.
 MOTION_WINDOW = 0.5
-#: Smallest length of a frozen interval, relative to the longest repetition explained by chance.
+#: Smallest length of a frozen interval, relative to the longest repetition expected by chance.
 UNLIKELY = 5.0
-#: Smallest fraction of the samples at rest with one value, of a gyro that suppresses small rates, and smallest number
-#: of its other values. A coarse gyro is also constant at rest, ...
+#: Gyro that suppresses small rates: smallest fraction of the samples at rest with one value, and smallest number of its
+#: other values.
 MIN_AT_REST, MIN_VALUES = 0.98, 50
-#: ... but its noise is below this fraction of a step, and the values adjacent to the one at rest also occur.
+#: A coarse gyro is also constant at rest, but its noise is below this fraction of a step, and a value within this
+#: number of steps of the value at rest also occurs.
 MIN_NOISE, SUPPRESSED_STEPS = 0.5, 5.0
-#: Fraction of the range of a column that it crosses during a motion.
+#: Fraction of its range by which a column changes during a motion.
 MOTION_SHARE = 0.2
-#: Largest probability with which a coarse channel that is not frozen keeps one value in successive motions.
+#: Probability that a coarse channel keeps one value in successive motions by chance, below which it is frozen.
 CHANCE = 1e-3
 #: Lowest and highest ratio of the force at rest to gravity; other ratios indicate a wrong unit.
 PLAUSIBLE_RATIOS = (0.75, 1.33)
-#: Smallest angle between the gravity directions of different positions, rad.
+#: Smallest angle between the directions of up at different positions, rad.
 OTHER_POSITION = np.deg2rad(10.0)
 #: Confusions of units: assumed unit, actual unit, and the factor that corrects the values.
 ACCEL_UNITS = (
@@ -60,17 +62,17 @@ GYRO_UNITS = (
     ("mrad/s", "rad/s", 1e-3),
     ("m°/s", "rad/s", np.pi / 180e3),
 )
-#: Factors that are tried if no confusion of units explains the rotations; successive ones differ by 3 %.
+#: Factors that are tried if no confusion of units explains the rotations, in steps of 3 %.
 FACTORS = np.exp(np.linspace(np.log(0.1), np.log(10.0), 154))
-#: Largest factor between the rates and those from the course of gravity during motions, and the smallest squared
-#: correlation of the two with which a factor is known: fast motions of the hand add forces.
+#: Largest plausible factor between the rates and those computed from gravity during motions, and smallest squared
+#: correlation at which a factor is accepted, because fast motions by hand add forces.
 MAX_FACTOR, MIN_CORRELATION = 2.0, 0.8
-#: Longest interval in which the course of gravity is compared with the rates, s.
+#: Longest interval in which the change of gravity in b is compared with the rates, s.
 _COURSE_WINDOW = 2.0
 #: Largest fraction of motions that contradict gravity and are omitted.
 MAX_CONTRADICTORY = 0.1
-#: Largest error of an angle between two rests due to accelerometer biases, rad, and of a rotation due to the matrix of
-#: the gyros, relative to its angle, that do not contradict gravity, however little is known of the unit.
+#: Upper bounds of the allowed error of an angle between two rests due to accelerometer biases, rad, and of a rotation
+#: due to the gyro matrix, relative to its angle, for any prior.
 _MAX_TILT, _MAX_MATRIX = 0.3, 0.15
 
 
@@ -79,14 +81,14 @@ class _Turn:
     """A motion between two rests."""
 
     link: Link
-    before: FloatArray  #: Measured direction of gravity in b before the motion, unit vector, shape (3,).
+    before: FloatArray  #: Measured direction of up in b before the motion, unit vector, shape (3,).
     after: FloatArray  #: As `before`, after the motion, shape (3,).
     bias: FloatArray  #: Raw rate at rest, rad/s, shape (3,).
     path: float  #: Integral of the magnitude of the rate, rad.
 
     @property
     def tilt(self) -> float:
-        """Angle by which the direction of gravity changed, rad."""
+        """Angle between up in b before and after the motion, rad."""
         return float(np.arccos(np.clip(self.before @ self.after, -1.0, 1.0)))
 
 
@@ -125,7 +127,7 @@ def valid_links(
 def _no_rest_error(
     data: StageData, imu: ImuModel, gravity: float, prior: Posterior, still: Stillness, shortest: float
 ) -> InputError:
-    """Return the error for a recording without rests, which may be due to rates in a wrong unit."""
+    """Return the error for a recording without rests, whose cause may be a wrong unit of the rates."""
     for assumed, right, factor in GYRO_UNITS:
         scaled = replace(data, gyro=data.gyro * factor)
         turns, _ = _turns(scaled, find_stillness(scaled, imu, shortest), prior)
@@ -177,7 +179,8 @@ def frozen_columns(names: Sequence[str], values: FloatArray, dt: float) -> Itera
     """Yield name, first and last sample of each frozen column; `values` has the shape (n, k).
 
     If all columns repeat their values at the same time and also elsewhere, the noise is too small for this test. A
-    column whose steps exceed its noise is constant at rest; it is frozen if it also keeps its value in motions.
+    coarse column, whose steps exceed its noise, is constant at rest; it is frozen if it also keeps its value in
+    motions.
 
     Parameters
     ----------
@@ -233,7 +236,7 @@ def _require_gravity(data: StageData, still: Stillness, gravity: float, prior: P
 
 
 def _unit_slip(slips: tuple[tuple[str, str, float], ...], factor: float) -> Text | str:
-    """Return the confusion of units that `factor` corrects, as a part of a sentence; "" if there is none."""
+    """Return the text about the confusion of units that `factor` corrects; "" if there is none."""
     for assumed, right, correction in slips:
         if abs(np.log(factor / correction)) < 0.2:
             return Text.of("recording.unit_slip", given=assumed, right=right)
@@ -241,7 +244,7 @@ def _unit_slip(slips: tuple[tuple[str, str, float], ...], factor: float) -> Text
 
 
 def _distinct(up: FloatArray) -> int:
-    """Return the number of positions that differ in the direction of gravity."""
+    """Return the number of positions that differ in the direction of up in b."""
     directions: list[FloatArray] = []
     for direction in up:
         if all(direction @ other < np.cos(OTHER_POSITION) for other in directions):
@@ -250,7 +253,7 @@ def _distinct(up: FloatArray) -> int:
 
 
 def _turns(data: StageData, still: Stillness, prior: Posterior) -> tuple[list[_Turn], FloatArray]:
-    """Return the motions between rests, and the measured direction of gravity at every rest, shape (n, 3)."""
+    """Return the motions between rests, and the measured direction of up in b at every rest, shape (n, 3)."""
     rates = np.array([data.gyro[a:b].mean(axis=0) for a, b in still.rests]).reshape(-1, 3)
     means = np.array([data.accel[a:b].mean(axis=0) for a, b in still.rests]).reshape(-1, 3)
     _, force = compensate(compensation(prior.mean), rates, means)
@@ -268,8 +271,7 @@ def _contradicting(
 ) -> BoolArray:
     """Return whether each motion contradicts gravity by more than the prior allows, shape (n,).
 
-    Motions do not reveal a factor if the rates times the factor turn the unit as far, except for whole turns, see
-    `_rate_factor`.
+    A wrong factor of the rates that changes the rotations only by whole turns is not detected; see `_rate_factor`.
     """
     matrix = 3.0 * float(np.hypot(*(prior.sigma[group_indices(g)].max() for g in ("gyro_scale", "gyro_misalign"))))
     tilt = 3.0 * float(prior.sigma[group_indices("accel_bias")].max()) / gravity
@@ -308,20 +310,20 @@ def _contradiction_error(data: StageData, turns: list[_Turn], prior: Posterior, 
 
 
 def _has_wrong_factor(data: StageData, turns: list[_Turn], gyro_inverse: FloatArray) -> bool:
-    """Return whether the course of gravity shows that the rates have another factor."""
+    """Return whether the change of gravity in b during the motions requires another factor of the rates."""
     factor, correlation = _rate_factor(data, turns, gyro_inverse)
     return correlation > MIN_CORRELATION and not _is_plausible(factor)
 
 
 def _is_plausible(factor: float) -> bool:
-    """Return whether rates may differ from the motion by a factor, to be judged by their integrals."""
+    """Return whether a factor is near enough to 1 for the integrals of the rates to decide."""
     return 1.0 / MAX_FACTOR < factor < MAX_FACTOR
 
 
 def _rate_factor(data: StageData, turns: list[_Turn], gyro_inverse: FloatArray) -> tuple[float, float]:
-    """Return the factor of the rates that the course of gravity requires, and the squared correlation of the two.
+    """Return the factor of the rates that the change of gravity in b requires, and the squared correlation of the two.
 
-    At rest and in slow motion the measured force f, in b, changes by df/dt = f × ω. Its integral with a smooth weight w
+    In slow motion the measured force f, in b, changes by df/dt = f × ω. Its integral with a smooth weight w
     that vanishes at both ends is −∫ f dw/dt dt = ∫ w f × ω dt, which is linear in ω and therefore, unlike the rotation,
     not ambiguous by whole turns. The factor is the median over the motions that tilt the unit; 1 if there are none.
     """
@@ -347,7 +349,7 @@ def _rate_factor(data: StageData, turns: list[_Turn], gyro_inverse: FloatArray) 
 
 
 def _gravity_error(data: StageData, turns: list[_Turn], gyro_inverse: FloatArray) -> FloatArray:
-    """Return the angle between gravity after each motion and its prediction by the gyros, rad, shape (n,)."""
+    """Return the angle between up after each motion and its prediction by the gyros, rad, shape (n,)."""
     error = np.empty(len(turns))
     for k, t in enumerate(turns):
         B, _, _ = integrate_rotation(gyro_inverse, t.bias, data.dt, data.gyro, t.link.start, t.link.stop)
@@ -356,7 +358,7 @@ def _gravity_error(data: StageData, turns: list[_Turn], gyro_inverse: FloatArray
 
 
 def _swaps(P: FloatArray) -> list[Text]:
-    """Return the column that contains the values of each axis that a signed permutation changes."""
+    """Return, for each axis that a signed permutation changes, the column that contains its values."""
     parts = []
     for row, axis in enumerate(AXES):
         column = int(np.argmax(np.abs(P[row])))

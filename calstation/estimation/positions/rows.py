@@ -6,8 +6,7 @@
 
 Headings are arbitrary: each chain of rests has a separate level frame, in which the horizontal earth rate, two unknowns
 of magnitude Ω cos φ, indicates north. The problem is then nearly linear and requires no gyrocompassing, for which
-low-grade gyros are not accurate enough. The known magnitude of these unknowns is not used, because it adds hardly any
-information.
+low-grade gyros are not accurate enough. The known magnitude is not used, because it adds hardly any information.
 
 The columns are the parameters in units of the square root of their prior (30), φ of each rest (3 n), the horizontal
 earth rate of each chain in units of Ω cos φ / √2 (2 m), and, if the profile specifies bias instability, the drift of
@@ -48,9 +47,9 @@ from calstation.physics import (
     skew,
 )
 
-#: Time at the start of a rest whose rates are omitted, s, because a rig still rotates while it settles.
+#: Time at the start of a rest whose rates are omitted, s, because a rig still rotates slightly while it settles.
 CREEP = 0.5
-#: Confidence level at which residuals exceed the known noise significantly.
+#: Confidence level of the test whether residuals exceed the known noise.
 CONFIDENCE = 0.9995
 #: Weight of the row that fixes the first heading of a chain, 1/rad.
 HEADING_WEIGHT = 1e3
@@ -166,11 +165,17 @@ class PositionRows:
         scatter: Scatter,
     ) -> None:
         site, noise = context.site, filter_noise(context)
-        self.data, self.rests, self.links, self.prior, self.turned = data, rests, links, prior, context.turned
+        self.data, self.rests, self.links, self.prior, self.initial_turn_senses = (
+            data,
+            rests,
+            links,
+            prior,
+            context.initial_turn_senses,
+        )
         self.gravity = site.local_gravity
         self.up_rate = float(rotation_rate(site.latitude)[2])
         self.north_rate = float(rotation_rate(site.latitude)[1]) / np.sqrt(2.0)
-        # the rounding error of a rest, in the noise of the rests, is independent of that of other positions
+        # without coarse rounding: its error is independent between positions and is part of the noise of the rests
         self.bias_drift = np.repeat(BIAS_DRIFT_PER_INSTABILITY * context.imu.bias_instability, 3)
         self.has_drift = bool(np.any(self.bias_drift))
         self.root = square_root(prior.covariance)
@@ -304,7 +309,7 @@ def gyro_derivative(start: FloatArray, c: Compensation, time: FloatArray, rate: 
     Parameters
     ----------
     start : rotation from b at the start into the frame of the rotation vector, shape (3, 3)
-    c : parameters of the compensation
+    c : constants of the compensation
     time, rate : integrals of `integrate_rotation`, s, shape (3, 3), and rad, shape (3, 3, 3)
     """
     by_matrix = [-start @ rate[p.column] @ c.gyro_inverse[:, p.row] for p in _GYRO]

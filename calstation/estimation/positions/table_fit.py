@@ -40,7 +40,7 @@ TABLE_QUANTITIES = ("orthogonality", "tilt_x", "tilt_y")
 #: Averaging window of the rest detection, and shortest rest, s.
 _WINDOW = 0.25
 _SHORTEST = 0.3
-#: Time omitted at both ends of a rest, s: half a window, during which the table may still rotate.
+#: Time omitted at both ends of a rest, s: nearly half a window, during which the table may still rotate.
 _MARGIN = 0.1
 #: Largest rate of a window at rest in excess of noise and earth rate, rad/s.
 _CREEP = np.deg2rad(0.03)
@@ -73,7 +73,7 @@ class TableQuantity:
 
 
 def table_rests(data: StageData, context: SolveContext, posterior: Posterior) -> TableRests:
-    """Find the rests of a stage, including short ones, which requires the gyro biases in `posterior`."""
+    """Find the rests of a stage, including short ones, with the gyro biases in `posterior`."""
     imu, (bias, bias_sigma) = context.imu, posterior.gyro_bias
     width = max(round(_WINDOW / data.dt), 2)
     noise = imu.gyro_arw / np.sqrt(width * data.dt) + imu.quantisation[0] * imu.rate_factor / width
@@ -101,9 +101,9 @@ def table_axes(rests: Sequence[TableRests], context: SolveContext, posterior: Po
     """Fit the table's geometry to the rests of all stages with the solved parameters `posterior`.
 
     The weights include the noise of encoders and rests, the bearing wobble, and the uncertainty of the accelerometer
-    parameters, which is common to all rests. The sigmas are increased if the scatter of the residuals is larger (Birge
-    ratio), and include the wobble a second time, because it is common to rests at equal angles. Return the members of
-    `TABLE_QUANTITIES` that the rests determine.
+    parameters, which is common to all rests. The sigmas are increased if the scatter of the residuals exceeds the
+    weights (Birge ratio), and include the wobble again, because it is common to rests at equal angles. Return the
+    members of `TABLE_QUANTITIES` that the rests determine.
     """
     from scipy.optimize import least_squares  # takes half a second to import
 
@@ -157,7 +157,7 @@ def table_axes(rests: Sequence[TableRests], context: SolveContext, posterior: Po
 
 
 def _up(context: SolveContext, values: FloatArray, angles: FloatArray) -> FloatArray:
-    """Return the direction of up in b for the fitted values at encoder angles, shape (k, 2), as shape (k, 3)."""
+    """Return the directions of up in b, shape (k, 3), for the fitted values at encoder angles, rad, shape (k, 2)."""
     outer, inner = np.array(context.table.outer_axis), np.array(context.table.inner_axis)
     hinge = np.cross(outer, inner)
     between = axis_rotation(hinge / np.linalg.norm(hinge), values[0]).T

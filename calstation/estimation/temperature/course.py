@@ -7,9 +7,9 @@ import numpy as np
 from calstation.estimation.common import SampleBlock
 from calstation.physics import PARAMETERS, FloatArray, IntArray
 
-#: Duration of the mean temperatures between which the temperature is linear, s.
+#: Averaging time of the sensor, s; the temperature is interpolated linearly between the averages.
 _INTERVAL = 10.0
-#: Elements with a temperature of their own, and the number of the one on whose temperature each parameter depends.
+#: Elements with separate temperatures, and the index of the element on whose temperature each parameter depends.
 ELEMENTS = ("gyro", "accel")
 ELEMENT_OF: IntArray = np.array([0 if p.sensor == "gyro" else 1 for p in PARAMETERS])
 
@@ -29,10 +29,10 @@ class ElementTemperatures:
 
 
 def element_temperatures(block: SampleBlock, lags: FloatArray) -> ElementTemperatures:
-    """Return the temperatures of the elements from those of the unit's sensor without its noise and its steps.
+    """Return the temperatures of the elements, computed from averages of the unit's sensor.
 
-    An element lags as a low-pass of first order, whose time constant is the lag. An element that the sensor lags
-    behind has a negative lag, and precedes it by this time.
+    An element with a positive lag follows the sensor as a first-order low-pass with this time constant. An element with
+    a negative lag precedes the sensor: its temperature is extrapolated by the rate of change.
 
     Parameters
     ----------
@@ -50,11 +50,11 @@ def element_temperatures(block: SampleBlock, lags: FloatArray) -> ElementTempera
 
 
 def _lagging(times: FloatArray, sensed: FloatArray, lag: float) -> FloatArray:
-    """Return temperatures that lag behind others, °C, shape (k,)."""
+    """Return temperatures that lag behind `sensed` by `lag`, s, at `times`, s; °C, shape (k,)."""
     if lag <= 0.0:
         return sensed - lag * np.gradient(sensed, times) if lag and len(times) > 1 else sensed
     lagging, steps = sensed.copy(), np.diff(times)
-    behind = lag * np.diff(sensed) / steps  # of a temperature that rises along the line for a long time
+    behind = lag * np.diff(sensed) / steps  # steady-state difference during a ramp
     decays = np.exp(-steps / lag)
     for k, (way, decay) in enumerate(zip(behind.tolist(), decays.tolist(), strict=True)):
         lagging[k + 1] = sensed[k + 1] - way + (lagging[k] - sensed[k] + way) * decay

@@ -16,7 +16,7 @@ LAG_SIGMA = 60.0
 
 @dataclass(frozen=True)
 class Equations:
-    """Observations of all fitted points, and their Jacobian by scaled coefficients, lags and effects in the model."""
+    """Observations of all fitted points, and their Jacobian for scaled coefficients, lags and effects in the model."""
 
     observed: FloatArray  #: Shape (n,).
     jacobian: FloatArray  #: Shape (n, c + 2 + k).
@@ -24,24 +24,24 @@ class Equations:
     points: tuple[tuple[TemperaturePoint, FloatArray], ...]  #: Points and the Jacobians of the parameters.
 
     def column(self, parameter: int, sizes: FloatArray) -> FloatArray:
-        """Return the observations of a change of a parameter by `sizes`, shape (points,)."""
+        """Return the change of the observations, shape (n,), for changes `sizes`, shape (points,), of a parameter."""
         return np.concatenate([j[:, parameter] * size for (_, j), size in zip(self.points, sizes, strict=True)])
 
     def columns(self, group: str, sizes: FloatArray) -> FloatArray:
-        """Return the observations of changes of the parameters of a group by `sizes`, shape (n, k)."""
+        """Return the changes of the observations, shape (n, k), for changes `sizes` of each parameter of a group."""
         return np.stack([self.column(i, sizes) for i in group_indices(group)], axis=1)
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Unknowns before the fit: means and sigmas, shape (u,), and their joint precision, shape (u, u)."""
+    """Prior of u unknowns: means and sigmas, shape (u,), and joint precision, shape (u, u)."""
 
     mean: FloatArray
-    sigma: FloatArray  #: 0 for a fixed one.
+    sigma: FloatArray  #: 0 for a fixed unknown.
     precision: FloatArray
 
     def updated(self, jacobian: FloatArray, observed: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the unknowns after observations of unit variance, and their covariance."""
+        """Return the unknowns estimated from observations of unit variance, and their covariance."""
         used = np.flatnonzero(self.sigma > 0.0)
         scale = self.sigma[used]
         part = jacobian[:, used] * scale
@@ -51,7 +51,7 @@ class Unknowns:
         return self.mean + covariance @ (jacobian.T @ (observed - jacobian @ self.mean)), covariance
 
     def with_further(self, mean: FloatArray, sigma: FloatArray) -> "Unknowns":
-        """Return the unknowns with further, independent ones."""
+        """Return the unknowns followed by further, independent unknowns."""
         free = np.where(sigma > 0.0, sigma, np.inf)
         zeros = np.zeros((len(self.sigma), len(sigma)))
         precision = np.block([[self.precision, zeros], [zeros.T, np.diag(free**-2)]])
@@ -59,7 +59,7 @@ class Unknowns:
 
 
 def coefficients_before(model: TemperatureModel, prior: Posterior) -> Unknowns:
-    """Return the coefficients before the fit."""
+    """Return the prior of the coefficients."""
     index = [column.parameter for column in model.columns]
     sigma = prior.sigma[index]
     precision = np.zeros((len(index), len(index)))
@@ -74,13 +74,13 @@ def coefficients_before(model: TemperatureModel, prior: Posterior) -> Unknowns:
 
 
 def unknowns_before(model: TemperatureModel, prior: Posterior, lags: FloatArray, effects: int) -> Unknowns:
-    """Return the unknowns before the fit.
+    """Return the prior of all unknowns.
 
     Parameters
     ----------
     model, prior : as in `coefficients_before`
-    lags : assumed lags, s, shape (2,), whose corrections follow the coefficients
-    effects : number of effects, whose sizes in prior sigmas are the last unknowns
+    lags : assumed lags, s, shape (2,); their corrections follow the coefficients
+    effects : number of effects; their sizes in prior sigmas are the last unknowns
     """
     coefficients = coefficients_before(model, prior)
     with_lags = coefficients.with_further(-lags, np.full(len(lags), LAG_SIGMA * model.has_lag))

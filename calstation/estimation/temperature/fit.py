@@ -1,10 +1,10 @@
 """Least-squares fit of the coefficients to solutions at several temperatures, and the tests of this fit.
 
-Every solution contributes the information of its data, in decorrelated observations of unit variance. The tests add
+Every solution contributes the information of its data as decorrelated observations of unit variance. The tests add
 columns to the fit: a higher order, a difference between rising and falling temperature, a change with time, and a term
-in the rate of change of the temperature. The one that explains most of the residual is the cause, unless it explains no
-more of the residual of its group than it would of scatter: an F test tells them apart. A difference between rising and
-falling temperature is a test of its own, `up_down`, and is removed from the residuals of the other tests.
+in the rate of change of the temperature. The columns that explain most of the residual are the cause, unless they
+explain no more of the residual of their group than of scatter, according to an F test. A difference between rising and
+falling temperature is tested separately (`up_down`) and is removed from the residuals of the other tests.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,18 +22,19 @@ from calstation.estimation.temperature.hysteresis import fit_with_hysteresis
 from calstation.estimation.temperature.points import TemperaturePoint, different_temperatures
 from calstation.physics import COUNT, GROUPS, NAMES, PARAMETERS, FloatArray, group_indices
 
-#: Largest difference at a held-out temperature, in sigmas: of 30 parameters, one is larger in 50,000 runs.
+#: Largest difference at a held-out temperature, in sigmas; noise of any of 30 parameters exceeds it in 1 of 60,000
+#: runs.
 HELD_OUT_SIGMAS = 5.0
 #: Highest order of a polynomial.
 _HIGHEST = 6
 #: Smallest number of temperatures in each direction at which hysteresis is tested.
 _MIN_OF_WAY = 2
-#: Largest rate of change of the temperature after a soak, K/min. Up to it, an error that has the sign of the rate is a
-#: hysteresis.
+#: Largest rate of change of the temperature after a soak, K/min, up to which an error with the sign of the rate is a
+#: hysteresis, not an effect of the rate.
 _STEADY_RATE = 0.2
-#: Smallest probability of the remaining residuals with which they are noise.
+#: Smallest probability of remaining residuals that are attributed to noise.
 _REMAINING_PROBABILITY = 0.01
-#: Largest probability with which scatter is taken for a cause.
+#: Largest probability of attributing scatter to a cause.
 _SCATTER_PROBABILITY = 0.005
 _HYSTERESIS = "temperature_hysteresis"
 #: Lags of elements that have the temperature of the sensor.
@@ -123,13 +124,13 @@ class TemperatureFit(Polynomials):
     consistency: Consistency  #: Test of the residuals of the fitted points.
     test: ModelTest
     hysteresis: FloatArray  #: Part of the sigmas of the parameters due to hysteresis, SI, shape (30,).
-    #: Differences of the parameters whose group has a hysteresis or, if none has, of all of them; empty if the
-    #: temperature did not rise and fall often enough, or if something else than a hysteresis fails the test.
+    #: Differences of the parameters whose group has a hysteresis, or of all parameters if no group has one; empty if
+    #: the temperature did not rise and fall often enough, or if another cause than hysteresis fails the test.
     up_down: tuple[UpDown, ...] = ()
 
     @property
     def without_hysteresis(self) -> Polynomials:
-        """Polynomials of the unit without its hysteresis in use, of which nothing but its variance is known."""
+        """Polynomials without the variance of the hysteresis in use."""
         covariance = self.scaled_covariance
         without = covariance - _of_constants(self.model, np.diag(covariance), self.hysteresis)
         return Polynomials(self.model, self.scaled, without, self.lags, self.lag_sigmas)
@@ -163,13 +164,13 @@ class TemperatureFit(Polynomials):
 def polynomials(
     model: TemperatureModel, points: Sequence[TemperaturePoint], prior: Posterior, lags: FloatArray = NO_LAGS
 ) -> Polynomials:
-    """Fit the coefficients, and correct the lags, by the points that are not held out.
+    """Fit the coefficients and correct the lags, using the points that are not held out.
 
     Parameters
     ----------
     model : orders of the polynomials
     points : solutions in order of time, whose information is independent
-    prior : parameters at the reference before the calibration; its sigmas bound the changes over the range, too
+    prior : parameters at the reference before the calibration; its sigmas also bound the changes over the range
     lags : lags with which the temperatures of the points were computed, s, shape (2,)
     """
     equations = equations_of(model, points, prior)
@@ -236,8 +237,8 @@ def _with_hysteresis(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the unknowns of a fit, their covariance, and the rms of the hysteresis, SI, shape (30,).
 
-    The covariance contains what the course of the hysteresis during the calibration leaves unknown, and, in the
-    constant coefficients, the hysteresis in use. There is none unless the temperature rises and falls repeatedly.
+    The covariance includes the uncertainty due to the hysteresis during the calibration and, in the constant
+    coefficients, the hysteresis in use. Hysteresis is fitted only if the temperature rises and falls repeatedly.
 
     Parameters
     ----------
@@ -260,7 +261,7 @@ def _of_constants(model: TemperatureModel, before: FloatArray, sigmas: FloatArra
     ----------
     model : orders of the polynomials
     before : sigmas of the unknowns before the fit, shape (u,)
-    sigmas : those of the errors, SI, shape (30,)
+    sigmas : sigmas of the errors, SI, shape (30,)
     """
     variances = np.zeros(len(before))
     for k, column in enumerate(model.columns):
@@ -298,9 +299,9 @@ def _up_down(equations: Equations, before: Unknowns, prior: Posterior, groups: S
 def with_orders(model: TemperatureModel, points: Sequence[TemperaturePoint], prior: Posterior) -> TemperatureModel:
     """Return the model with the orders that the data support, group by group, from 0.
 
-    An order is increased while that lowers the Bayesian information criterion. One more, as far as the temperatures
-    determine it, covers the terms that are too small to be significant, but not small relative to the sigmas. Groups
-    with an order in the model keep it, and levers do not depend on the temperature.
+    An order is increased while this lowers the Bayesian information criterion. One further order, if the temperatures
+    determine it, covers terms that are not significant, but not small relative to the sigmas. Groups with an order in
+    the model keep it, and lever arms do not depend on the temperature.
     """
     fitted, chosen = [p for p in points if not p.is_held_out], model
     highest = min(different_temperatures(fitted) - 1, _HIGHEST)
@@ -326,7 +327,7 @@ def with_orders(model: TemperatureModel, points: Sequence[TemperaturePoint], pri
 
 
 class _Projector:
-    """Removes from observations what the columns of a Jacobian explain."""
+    """Removes the part of observations that the columns of a Jacobian explain."""
 
     def __init__(self, jacobian: FloatArray) -> None:
         norms = np.linalg.norm(jacobian, axis=0)
@@ -340,16 +341,16 @@ class _Projector:
         return np.asarray(observed - self._basis @ (self._basis.T @ observed))
 
     def extend(self, added: FloatArray) -> None:
-        """Also remove what further columns explain."""
+        """Also remove the part that further columns explain."""
         self._basis = np.hstack([self._basis, self._basis_of(added)])
 
     def explained(self, observed: FloatArray, added: FloatArray) -> tuple[float, int]:
-        """Return the decrease of the sum of squares by further columns, shape (n, k), and their number that counts."""
+        """Return the decrease of the sum of squares due to further columns, shape (n, k), and the rank they add."""
         kept = self._basis_of(added)
         return float(np.sum((kept.T @ observed) ** 2)), kept.shape[1]
 
     def _basis_of(self, added: FloatArray) -> FloatArray:
-        """Return a basis of what further columns add, shape (n, at most k)."""
+        """Return an orthonormal basis of the directions that further columns add, shape (n, at most k)."""
         columns = self.remaining(added)
         u, values, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(added, axis=0), 1e-300), full_matrices=False)
         return np.asarray(u[:, values > 1e-8])
@@ -362,16 +363,16 @@ class _Candidate:
     cause: str
     group: str
     excess: float  #: Decrease of χ² minus the number of columns.
-    is_scatter: bool  #: Whether scatter of the group would be explained as well.
+    is_scatter: bool  #: Whether the columns explain no more than they would of scatter.
 
 
 def _tested(
     model: TemperatureModel, equations: Equations, sigma: FloatArray
 ) -> tuple[Consistency, ModelTest, tuple[str, ...]]:
-    """Return the test of the residuals, that of the columns that explain most of them, and groups with a hysteresis.
+    """Return the test of the residuals, the test of the likeliest cause, and the groups with a hysteresis.
 
-    The tests are those of the residuals without the hysteresis. Residuals that are too large without columns that
-    explain them fail the second one as scatter.
+    Hysteresis is removed from the residuals before the tests. Residuals that are too large without a cause fail the
+    second test as scatter.
     """
     jacobian = equations.jacobian[:, sigma > 0.0] * sigma[sigma > 0.0]
     hysteretic, ways = tuple[str, ...](), _ways(equations)
@@ -407,8 +408,8 @@ def _candidates(
     ----------
     model : orders of the polynomials
     equations : observations
-    projector : removes what the coefficients explain
-    ways : direction of every point, shape (points,); None if a hysteresis is no cause
+    projector : removes the part of the observations that the coefficients explain
+    ways : see `_ways`; None to exclude hysteresis as a cause
     """
     points = [p for p, _ in equations.points]
     times = np.array([p.time for p in points])
@@ -434,13 +435,13 @@ def _candidates(
 def _is_scatter(gain: float, count: int, rest: float, freedom: int) -> bool:
     """Return whether columns explain no more of the residual of a group than they would of scatter, by an F test.
 
-    Columns that leave no more than noise explain all of it. What they leave counts as noise at least. Without
-    redundancy, nothing tells scatter from a cause.
+    Columns that leave only noise are a cause. The remaining variance is at least that of the noise. Without redundancy,
+    a cause cannot be distinguished from scatter.
 
     Parameters
     ----------
-    gain, count : decrease of χ² by the columns, and their number
-    rest, freedom : what they leave of the residual of the group, and its degrees of freedom
+    gain, count : decrease of χ² due to the columns, and their number
+    rest, freedom : remaining χ² of the residual of the group, and its degrees of freedom
     """
     if freedom <= 0 or count == 0:
         return gain - count > MAX_EXCESS
@@ -461,7 +462,7 @@ def _most_scattered(equations: Equations, projector: _Projector) -> str:
 
 
 def _ways(equations: Equations) -> FloatArray | None:
-    """Return half a step up for points after a rise, and down after a fall; None if a way has too few points."""
+    """Return 0.5 for points after a rise, −0.5 after a fall, else 0; None if a direction has too few points."""
     ways = np.array([{"up": 0.5, "down": -0.5, "soak": 0.0}[p.way] for p, _ in equations.points])
     return ways if min(np.count_nonzero(ways > 0.0), np.count_nonzero(ways < 0.0)) >= _MIN_OF_WAY else None
 
@@ -469,14 +470,14 @@ def _ways(equations: Equations) -> FloatArray | None:
 def _hysteresis_columns(equations: Equations, group: str, ways: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the columns of a change of a group at the first temperature, and between rising and falling temperature.
 
-    What came before the first temperature is unknown. `ways` is half a step in the direction of every point.
+    The temperatures before the first point are unknown. See `_ways`.
     """
     begin = np.where(ways == 0.0, 1.0, 0.0)
     return equations.columns(group, begin), equations.columns(group, ways)
 
 
 def _each_point(equations: Equations, group: str) -> FloatArray:
-    """Return the columns of a change of a group at every point by itself."""
+    """Return the columns of an independent change of a group at every point."""
     return np.hstack([equations.columns(group, row) for row in np.eye(len(equations.points))])
 
 

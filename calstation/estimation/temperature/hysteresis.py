@@ -1,9 +1,9 @@
-"""Hysteresis over temperature as a random process: its course is known, and its size is estimated from the residuals.
+"""Hysteresis over temperature as a random process: its shape is known, and its size is estimated from the residuals.
 
-A hysteresis is a sum of loops of several widths (Prandtl and Ishlinskii; see Brokate and Sprekels, Hysteresis and Phase
-Transitions, Springer, 1996), whose sizes are random. A loop follows the temperature with play: after a
-reversal it passes from one side to the other while the temperature changes by twice its half width. It does not depend
-on the time, but on the temperatures before the first point, which are unknown.
+A hysteresis is a sum of loops of several widths with random sizes (Prandtl and Ishlinskii; see Brokate and Sprekels,
+Hysteresis and Phase Transitions, Springer, 1996). A loop follows the temperature with play: after a reversal it passes
+from one side to the other while the temperature changes by twice its half width. It is independent of time, but depends
+on the temperatures before the first point, which are unknown.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,15 +18,15 @@ from calstation.physics import COUNT, GROUPS, FloatArray, group_indices
 
 #: Half widths of the loops, K, and their states before the first temperature, from one side (-1) to the other (1).
 _WIDTHS, _STATES = (2.0, 4.0, 8.0, 16.0), (-1.0, 0.0, 1.0)
-#: Number of temperatures of a point at which the loops are computed, and smallest relative part of them that counts.
+#: Number of temperatures per point at which the loops are computed, and smallest relative singular value kept.
 _STEPS, _NEGLIGIBLE = 9, 1e-3
-#: Sizes whose likelihoods are compared, relative to one that changes the residuals by as much as their noise.
+#: Sizes whose likelihoods are compared, relative to the size that changes the residuals by as much as their noise.
 _SIZES = np.geomspace(0.01, 1000.0, 120)
-#: Groups whose sigmas include the hysteresis that the data do not exclude.
+#: Groups whose sigmas always include the hysteresis that the data do not exclude.
 _EXPECTED = ("gyro_bias", "accel_bias")
-#: Twice the logarithm of the ratio of likelihoods from which another group has a hysteresis; 5 % of the groups without
-#: one exceed it, because a variance that is 0 is estimated as 0 in half of the cases (Self and Liang, Journal of the
-#: American Statistical Association 82, 1987, 605-610).
+#: Twice the log-likelihood ratio above which another group has a hysteresis; 5 % of the groups without hysteresis
+#: exceed it, because a variance of 0 is estimated as 0 in half of the cases (Self and Liang, Journal of the American
+#: Statistical Association 82, 1987, 605-610).
 _SIGNIFICANT = 2.7
 
 
@@ -34,7 +34,7 @@ _SIGNIFICANT = 2.7
 class _Parts:
     """Independent parts of the hysteresis of the parameters of a group."""
 
-    columns: FloatArray  #: Their observations, those of a parameter together, shape (n, parameters of the group * j).
+    columns: FloatArray  #: Change of the observations by each part, parameter by parameter, shape (n, parameters * j).
     after_rise: FloatArray  #: Share of each part in the hysteresis of a parameter after a rise, shape (j,).
 
 
@@ -43,17 +43,17 @@ def fit_with_hysteresis(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the unknowns of a fit, their covariance, and the rms of the hysteresis in use.
 
-    They have the shapes (u,), (u, u) and (30,); the rms is in SI units. The covariance contains what the course of the
-    hysteresis during the calibration leaves unknown, but not the hysteresis in use. The variance of a group is its mean
-    given the residuals, with a prior that has no scale of its own: the share of noise in the residuals is distributed
-    uniformly (Daniels, Canadian Journal of Statistics 27(3), 1999).
+    They have the shapes (u,), (u, u) and (30,); the rms is in SI units. The covariance includes the uncertainty due to
+    the hysteresis during the calibration, but not the hysteresis in use. The variance of a group is its posterior mean
+    with a scale-free prior: the share of noise in the residuals is uniformly distributed (Daniels, Canadian Journal of
+    Statistics 27(3), 1999).
 
     Parameters
     ----------
     equations : observations of the points that are not held out
     before : unknowns before the fit
     points : all points, in order of time
-    is_planned : whether nothing has been measured yet: the residuals are then those of a unit without a hysteresis
+    is_planned : whether nothing has been measured yet; the residuals are then those of a unit without hysteresis
     """
     courses = _loops(points)[[k for k, point in enumerate(points) if not point.is_held_out]]
     parts = {group: _parts(equations, group, courses) for group in GROUPS if not group.endswith("_lever")}
@@ -113,7 +113,7 @@ def _sizes(
 def _loops(points: Sequence[TemperaturePoint]) -> FloatArray:
     """Return the mean of each independent loop at every point for gyros and accelerometers, shape (points, 2, loops).
 
-    The loops together are a hysteresis of unit variance.
+    The sum of the loops has unit variance.
     """
     widths, states = (grid.ravel() for grid in np.meshgrid(_WIDTHS, _STATES))
     elements = [int(np.flatnonzero(element == ELEMENT_OF)[0]) for element in range(len(ELEMENTS))]
@@ -139,14 +139,14 @@ def _parts(equations: Equations, group: str, courses: FloatArray) -> _Parts:
 
 
 def _basis(jacobian: FloatArray) -> FloatArray:
-    """Return an orthonormal basis of what the columns of a Jacobian explain, shape (n, k)."""
+    """Return an orthonormal basis of the column space of a Jacobian, shape (n, k)."""
     norms = np.linalg.norm(jacobian, axis=0)
     u, values, _ = np.linalg.svd(jacobian[:, norms > 0.0] / norms[norms > 0.0], full_matrices=False)
     return np.asarray(u[:, values > 1e-10 * values.max(initial=0.0)])
 
 
 def _without(basis: FloatArray, rows: FloatArray) -> FloatArray:
-    """Return what the columns of an orthonormal basis, shape (n, k), do not explain of rows, shape (n, ...)."""
+    """Return the part of rows, shape (n, ...), orthogonal to the columns of a basis, shape (n, k)."""
     return np.asarray(rows - basis @ (basis.T @ rows))
 
 
@@ -163,7 +163,7 @@ def _likelihoods(values: FloatArray, squares: FloatArray) -> FloatArray:
 
 
 def _variance(values: FloatArray, squares: FloatArray) -> float:
-    """Return the mean variance of a hysteresis, SI, after residuals; see `_squares`."""
+    """Return the posterior mean of the variance of a hysteresis, SI; see `_squares`."""
     likelihoods, shares = _likelihoods(values, squares), _SIZES**2
     weights = shares / (1.0 + shares) ** 2 * np.exp(0.5 * (likelihoods - likelihoods.max()))
     return float(weights @ shares / weights.sum() / values[0] ** 2)

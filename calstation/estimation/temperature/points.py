@@ -13,9 +13,9 @@ from calstation.estimation.temperature.course import ELEMENT_OF
 from calstation.physics import COUNT, FloatArray
 
 Way = Literal["up", "down", "soak"]
-#: Smallest information of an observation of parameters, and of one of effects alone, relative to that of the prior.
+#: Smallest information of an observation of parameters, and of an observation of effects alone, relative to the prior.
 _INFORMATIVE, _NEGLIGIBLE = 1.0, 1e-6
-#: Difference of temperatures up to which they count as one, K.
+#: Largest difference of temperatures that count as equal, K.
 _SAME = 1.0
 
 
@@ -25,19 +25,19 @@ class TemperaturePoint:
 
     temperature: float  #: Mean temperature of the sensor, °C.
     rate: float  #: Mean rate of change, K/s.
-    time: float  #: Mean time since the begin of the stage, s.
-    way: Way  #: Change of the temperature towards this one.
+    time: float  #: Mean time since the start of the stage, s.
+    way: Way  #: Direction from the preceding temperature; "soak" for the first point.
     first_seq: int
     last_seq: int
     prior: Posterior
     posterior: Posterior
     is_held_out: bool = False
     extent: tuple[float, float] | None = None  #: Lowest and highest temperature, °C; None if it did not change.
-    #: Mean temperatures of gyros and accelerometers, °C, and their rates, K/s, shape (2, 2); None if they are those of
-    #: the sensor.
+    #: Mean temperatures of gyros and accelerometers, °C, and their rates, K/s, shape (2, 2); None if they equal the
+    #: sensor's.
     elements: FloatArray | None = None
-    effects: ModelledEffects | None = None  #: Effects in the model, without which the posterior was solved.
-    table_noise: float = 1.0  #: Noise of the table that the solution assumes or measured, relative to its profile.
+    effects: ModelledEffects | None = None  #: Effects in the model, which `posterior` does not include.
+    table_noise: float = 1.0  #: Noise of the table, assumed or measured, relative to its profile.
 
     @property
     def conditions(self) -> tuple[FloatArray, FloatArray]:
@@ -55,10 +55,10 @@ class TemperaturePoint:
         return replace(self, posterior=solved)
 
     def observations(self, scale: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return decorrelated observations of unit variance, and their Jacobians by parameters and effects.
+        """Return decorrelated observations of unit variance, and their Jacobians for parameters and effects.
 
         They have the shapes (n,), (n, 30) and (n, k). `scale` are the sigmas of the prior, 0 for a fixed parameter. The
-        observations contain the data only; the last ones are of the effects alone.
+        observations exclude the prior; the last rows depend on the effects alone.
         """
         free = scale > 0.0
         s = scale[free]
@@ -107,13 +107,13 @@ def nearest_temperature(points: Sequence[TemperaturePoint], temperature: float) 
 
 
 def held_out_points(points: Sequence[TemperaturePoint], temperatures: Sequence[float]) -> list[TemperaturePoint]:
-    """Return the points, those at the temperature nearest to a held-out one marked, however often it was visited."""
+    """Return the points; mark all at the measured temperature nearest to each held-out temperature."""
     chosen = [nearest_temperature(points, t) for t in temperatures]
     return [replace(p, is_held_out=any(abs(p.temperature - t) <= _SAME for t in chosen)) for p in points]
 
 
 def with_ways(points: Sequence[TemperaturePoint]) -> list[TemperaturePoint]:
-    """Return the points with the change of the temperature towards them."""
+    """Return the points with their directions from the preceding temperature."""
     rows = list(points[:1])
     for before, point in itertools.pairwise(points):
         rows.append(replace(point, way="up" if point.temperature > before.temperature else "down"))

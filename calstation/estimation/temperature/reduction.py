@@ -1,4 +1,4 @@
-"""Output of a unit at changing temperatures, converted into its output with constant parameters."""
+"""Reduction of a unit's output at changing temperatures to the output with constant parameters."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from calstation.estimation.temperature.course import ELEMENT_OF, ElementTemperat
 from calstation.estimation.temperature.fit import Polynomials
 from calstation.physics import COUNT, INNER_LEVER, PARAMETERS, FloatArray
 
-#: Number of samples that are converted at once, and fixed-point iterations, whose relative error is M⁵.
+#: Number of samples converted at once, and of fixed-point iterations, which multiply the error by M⁵.
 _SAMPLES, _ITERATIONS = 65_536, 5
 
 
@@ -54,7 +54,7 @@ def compensate_each(gyro: FloatArray, accel: FloatArray, parameters: FloatArray)
     Parameters
     ----------
     gyro, accel : output, rad/s and m/s², shape (n, 3)
-    parameters : those of each sample, SI, shape (n, 30)
+    parameters : parameters of each sample, SI, shape (n, 30)
     """
     rate, force = corrected(gyro, accel, parameters)
     square = np.nan_to_num(rate) ** 2
@@ -82,7 +82,7 @@ def reduced(data: StageData, fit: Polynomials, elements: ElementTemperatures, co
 
 
 def _errors(rate: FloatArray, force: FloatArray, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the errors of gyros and accelerometers, shape (n, 3) each."""
+    """Return the errors of gyros and accelerometers at given rate and force, shape (n, 3) each."""
     gyro, accel = np.zeros_like(rate), np.zeros_like(force)
     for i, p in enumerate(PARAMETERS):
         output, sensed = (gyro, rate) if p.sensor == "gyro" else (accel, force)
