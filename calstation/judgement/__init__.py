@@ -1,7 +1,7 @@
-"""Judgement of a unit: `judge` compares the solutions with the limits, `verdict_of` returns the verdict of a run.
+"""Judgement of a unit: `judge` compares the solutions with the limits; `verdict_of` returns the verdict of a run.
 
-The tests of data and model are executed while the stages are solved, and are stored in the solutions. The limits are
-entries of files and logs, see `calstation.records.product`.
+The tests of data and model are run while the stages are solved, and are stored in the solutions. The limits are entries
+of files and logs; see `calstation.records.product`.
 """
 
 from calstation.judgement.acceptance import offline_online

@@ -26,10 +26,10 @@ from calstation.records import (
     Previous,
 )
 
-#: Smallest rotation of a motion that is sensitive to a scale factor error, rad.
+#: Smallest rotation of a motion that is checked, rad; smaller rotations are insensitive to scale factor errors.
 MIN_TURN = np.deg2rad(10.0)
-#: Number of sigmas by which noise increases a limit: for a rest, noise in excess of the profiles'; for a motion, all
-#: noise. The limit of a rest is also at least this number of sigmas due to the parameters.
+#: Number of sigmas by which noise increases a limit: for a rest, noise above that of the profiles; for a motion, all
+#: noise. The limit of a rest is also at least this number of sigmas of the error due to the parameters.
 NOISE_SIGMAS = 4.0
 #: Parameters on which the magnitude of the compensated force depends.
 _OF_FORCE = [i for i, p in enumerate(PARAMETERS) if p.group.startswith("accel_")]
@@ -72,7 +72,7 @@ def offline_online(section: ChecksSection, offline: Mapping[str, Any], online: M
     ]
 
 
-#: Kind of check that compares with the smallest required error instead of an improvement.
+#: Kind of check used instead if the required error is below the floor, by the kind of check of an improvement.
 _FLOORS: dict[CheckKind, CheckKind] = {
     "improvement_at_rest": "improvement_at_rest_floor",
     "motion_improvement": "motion_improvement_floor",
@@ -93,7 +93,7 @@ class _Acceptance:
         self._prior, self._after = prior, solutions[-1].posterior
         self._gravity = context.site.local_gravity
         self._evidence = [s.evidence for s in solutions if s.evidence is not None]
-        #: Sizes of the effects in the model, SI by component; the result's 30 parameters do not correct them.
+        #: Sizes of the effects in the model, SI, by component; the 30 parameters of the result do not correct them.
         self._effects = {name: e.value for s in solutions for name, e in s.estimates.items()}
 
     def checks(self, previous: Mapping[str, float]) -> Iterator[Check]:
@@ -116,7 +116,7 @@ class _Acceptance:
             yield from self._excitation(s.excitation)
 
     def with_cause(self, check: Check) -> Check:
-        """Return a failed check of the force at rest with the effect in the model that causes most of its error."""
+        """Return a failed check of the force at rest with the cause if it is an effect in the model."""
         if check.passed or check.kind not in _AT_REST or check.where.rest is None or math.isnan(check.value):
             return check
         rest = next(e for e in self._evidence if e.stage == check.where.stage).rests[check.where.rest]
@@ -142,7 +142,7 @@ class _Acceptance:
     def _force_sigma(self, rest: RestEvidence) -> float:
         """Return the sigma of the force error due to the parameters, m/s².
 
-        The covariance includes the uncertainty of gravity, which changes the force and its reference equally.
+        The uncertainty of gravity, which changes the force and its reference equally, is subtracted.
         """
         steps = np.diag(self._after.sigma)[_OF_FORCE]
         errors = [
@@ -185,9 +185,9 @@ class _Acceptance:
     def _compare_improvement(
         self, kind: CheckKind, below: float, floor: float, unit: str, rows: list[tuple[float, float, float, Where]]
     ) -> Iterator[Check]:
-        """Compare the errors after calibration with a fraction of the errors before, or with `floor` if larger.
+        """Compare the errors after calibration with a fraction of the errors before, or with `floor` if that is larger.
 
-        Each row contains both errors, the noise of the latter, by which `floor` increases, and where they are.
+        Each row contains the errors before and after, the noise by which `floor` increases, and their origin.
         """
         factors = [
             (after / before, where) for before, after, noise, where in rows if not below * before <= floor + noise
@@ -200,7 +200,7 @@ class _Acceptance:
             yield self._beyond_noise(_FLOORS[kind], floor, unit, rest)
 
     def _beyond_noise(self, kind: CheckKind, limit: float, unit: str, rows: list[tuple[float, float, Where]]) -> Check:
-        """Compare each error with the limit plus its noise; return the check with the largest ratio of both."""
+        """Compare each error with the limit plus its noise; return the check with the largest ratio."""
         smallest = np.finfo(float).tiny
         value, noise, where = max(
             rows, key=lambda row: _value_then_where((row[0] / max(limit + row[1], smallest), row[2]))

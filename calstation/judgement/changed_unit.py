@@ -1,7 +1,7 @@
-"""A unit, mounting or table that changes in a run, so that repeated rests and motions yield different outputs.
+"""Changes of unit, mounting or table during a run, which cause different outputs in repeated rests and motions.
 
-Outputs are compared with those at the same angles of the table, without a model. Only changes that exceed all drifts
-of a unit are found here; smaller ones are left to the tests of the model.
+Outputs are compared with those at the same angles of the table, without a model. Only changes larger than any drift of
+a unit are detected here; the tests of the model detect smaller changes.
 """
 
 from collections.abc import Iterator
@@ -14,13 +14,13 @@ from calstation.estimation.common import StageData
 from calstation.judgement.table_motion import SMALLEST_TURN, TableMotion
 from calstation.physics import CHANNELS, FloatArray
 
-#: Largest difference of the angles, rad, of rests or motions that count as equal.
+#: Largest difference of the angles of equal rests or motions, rad.
 _SAME = np.deg2rad(1.0)
-#: Largest change of a rate at rest, °/s, and of a rotation relative to that of the table.
+#: Largest permitted change of a rate at rest, °/s, and of a rotation relative to that of the table.
 _RATE, _ROTATION = 1.0, 0.1
-#: Largest change of a force relative to gravity.
+#: Largest permitted change of a force, relative to gravity.
 _FORCE = 0.1
-#: Smallest number of different attitudes or motions that show a change.
+#: Smallest number of different attitudes or motions whose outputs must change.
 _SHOWN_BY = 2
 
 
@@ -29,9 +29,9 @@ class _Output:
     """The outputs of gyros and accelerometers in a rest, or the rotation that the gyros measure in a motion."""
 
     time: float  #: Start, s.
-    angles: FloatArray  #: Angles at the rest, shape (2,), or at the start of a motion and their changes, (4,), rad.
+    angles: FloatArray  #: Angles at the rest, (2,), or angles at the start of the motion and their changes, (4,), rad.
     values: FloatArray  #: Rates, °/s, and forces, m/s², shape (6,); or rotations relative to the table's, shape (3,).
-    tolerances: FloatArray  #: Largest change of each value.
+    tolerances: FloatArray  #: Largest permitted change of each value.
 
     def equals(self, other: "_Output") -> bool:
         """Return whether the table rests at the same angles, or moves in the same way."""
@@ -42,7 +42,7 @@ class _Output:
         return bool(np.abs(difference).max() < _SAME)
 
     def change(self, other: "_Output") -> FloatArray:
-        """Return the difference from another output relative to its largest value."""
+        """Return the difference from another output relative to the permitted change."""
         return np.asarray(np.abs(self.values - other.values) / self.tolerances)
 
 
@@ -61,7 +61,7 @@ class ChangedUnit:
         self._repeated: list[list[_Output]] = []
 
     def find(self, motion: TableMotion, data: StageData) -> Diagnosis | None:
-        """Add the motion of a stage; return how the outputs have changed since the first stage, or None."""
+        """Add the motion of a stage; return the diagnosis if outputs have changed since their first occurrence."""
         for output in self._outputs(motion, data):
             same = next((each for each in self._repeated if each[0].equals(output)), None)
             if same is None:

@@ -14,7 +14,7 @@ from calstation.records import MODEL_KINDS, NEAR_MISS_FRACTION, CheckId, CheckKi
 
 @dataclass(frozen=True)
 class Where:
-    """Origin of a check's worst value: a parameter, a rest of a stage, or the motions between two rests."""
+    """Origin of the worst value of a check: a parameter, a rest of a stage, or the motions between two rests."""
 
     parameter: str = ""  #: Name of the parameter, or "".
     stage: str = ""  #: Stage of the rests, or "".
@@ -23,12 +23,12 @@ class Where:
 
     @property
     def number(self) -> str:
-        """The number of the rest for people, who count from 1; "" without a rest."""
+        """The displayed number of the rest, from 1; "" without a rest."""
         return "" if self.rest is None else str(self.rest + 1)
 
     @property
     def rests(self) -> Text | None:
-        """The rests for people, who count them from 1; None without a rest."""
+        """The text about the rest or rests, numbered from 1; None without a rest."""
         if self.rest is None:
             return None
         number = self.rest + 1
@@ -57,7 +57,7 @@ class Check:
     limit: float | tuple[float, float]  #: Largest value, or (lowest, highest); infinite if unknown.
     unit: str
     passed: bool
-    near_miss: bool = False  #: Whether the value is within the limit, but with little margin.
+    near_miss: bool = False  #: Whether the value is within the limit with little margin.
     where: Where = Where()  #: Origin of the value.
     diagnosis: Diagnosis | None = None  #: Diagnosis of a failed model test.
     #: Lowest and highest accepted value if the decision rule narrows the limit.
@@ -132,7 +132,7 @@ class Check:
 
     @property
     def parameter(self) -> str:
-        """Name of the parameter in whose unit the value at `where` is, or ""."""
+        """Name of the parameter at `where` if the value has the unit of this parameter, otherwise ""."""
         name = self.where.parameter
         return name if name in INDEX and PARAMETERS[INDEX[name]].unit == self.unit else ""
 
@@ -188,7 +188,7 @@ def _margin(value: float, limit: float | tuple[float, float]) -> float:
 
 
 def short_names(checks: Sequence[Check | CheckId]) -> list[Text]:
-    """Return the short names of checks, with their stages where the names of several are equal."""
+    """Return the short names of checks; names that occur more than once include the stage."""
     names = [Text.of(f"check_short.{check.kind}", parameter=check.subject, stage=check.subject) for check in checks]
     counts = Counter(map(str, names))
     return [

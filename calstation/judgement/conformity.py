@@ -29,7 +29,7 @@ from calstation.schema import Number, ResultSection
 #: Lowest and highest value.
 Interval = tuple[float, float]
 
-#: Value that replaces an argument or a sigma of 0 in a denominator.
+#: Value that replaces a denominator of 0.
 _TINY = 1e-300
 
 #: √(1 − ρ²) below which ρ is set to 1, because rounding errors in Owen's formula are divided by it.
@@ -39,7 +39,8 @@ _SMALLEST_ROOT = 1e-8
 class ParameterConformity(ResultSection):
     """Decision on a parameter with limits of its value, and the probabilities of a wrong decision.
 
-    `false_accept` and `false_reject` require the spread of the product and apply to all its units, not to this one.
+    `false_accept` and `false_reject` require the spread of the product and apply to all its units, not only to this
+    one.
     """
 
     accepted: bool
@@ -62,7 +63,7 @@ class Conformity(ResultSection):
 
 @dataclass(frozen=True)
 class Measurement:
-    """An estimate with its standard deviation, and the prior that it contains, infinitely wide if there is none."""
+    """An estimate with its standard deviation, and the prior that it contains; infinitely wide if there is none."""
 
     value: float
     sigma: float
@@ -189,7 +190,7 @@ def conformity_section(meta: LogMeta) -> ConformitySection:
 def _measurement(
     meta: LogMeta, name: str, prior: Posterior, solutions: Sequence[Solution], limits: Interval
 ) -> Measurement:
-    """Return what is compared with the limits, over a range of temperatures the worst value and the largest sigma."""
+    """Return the value and sigma that are compared with the limits, the worst over a range of temperatures."""
     if name not in INDEX:
         estimate = next(s.estimates[name] for s in reversed(solutions) if name in s.estimates)
         return Measurement(estimate.value, estimate.sigma)

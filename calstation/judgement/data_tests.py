@@ -26,15 +26,15 @@ from calstation.judgement.table_motion import TableMotion, table_motion
 from calstation.physics import PARAMETERS, BoolArray, FloatArray, group_indices, kernel
 from calstation.records import ChecksSection, LogMeta, SampleClockLimit, TemperatureLimit
 
-#: Number of samples expected above the largest one, given the noise, above which a channel is clipped.
+#: Largest number of samples expected from the noise beyond the largest one, if a channel is not clipped.
 MISSING_SAMPLES = 30.0
-#: Default of the largest error of a clock with which the sample rate is compared, ppm: the quartz of a computer.
+#: Default for the largest error of the reference clock of the sample rate, ppm: the quartz of a computer.
 CLOCK_ERROR_PPM = 50.0
 #: Window in which the noise of a channel and the means of times and temperatures are computed, s.
 _WINDOW = 1.0
-#: Deviation of the clock rate in excess of its limit that fails, in sigmas; if it exceeds the limit, there is no test.
+#: Number of sigmas of the clock rate that are added to its limit; if they exceed the limit, only a failed test counts.
 _SIGMAS = 5.0
-#: Smallest range of the differences between a clock and the counter, s; other times are computed from the counter.
+#: Smallest range of the differences between a clock and the counter, s; below it, the times come from the counter.
 _DERIVED = 1e-6
 #: Smallest number of windows from which the clock rate is determined.
 _MIN_WINDOWS = 20
@@ -44,7 +44,7 @@ _MIN_CHANGE = 0.5
 
 @dataclass(frozen=True)
 class TestedSamples:
-    """The tests of a stage's samples that need no solution."""
+    """Results of the tests of a stage's samples that need no solution."""
 
     clocks: dict[str, "SampleClock"]  #: Sample clocks by the name of their reference.
     tests: list[ModelTest]
@@ -75,8 +75,8 @@ class DataTests:
     def require_configuration(self, stage: str, samples: SampleBlock, data: StageData) -> None:
         """Start the tests of a stage.
 
-        Raises InputError if a gross error of the configuration, or a gross change since earlier stages, explains its
-        data.
+        Raises InputError if the data of the stage show a gross error of the configuration, or a gross change since
+        earlier stages.
         """
         self._motion = table_motion(data)
         error = gross_error(self._motion, self._context, _clock_offsets(samples, self._context))
@@ -89,7 +89,7 @@ class DataTests:
             raise InputError("solution.in_stage", stage=stage, what=error.text(stage))
 
     def test_samples(self, samples: SampleBlock, data: StageData) -> "TestedSamples":
-        """Test the samples of the started stage; this needs no solution and may be done while it is computed."""
+        """Test the samples of the started stage; this needs no solution and may run while the stage is solved."""
         model = self._context.temperature
         clocks = sample_clocks(samples, self._context.imu.sample_rate, None if model is None else model.reference)
         tests = [*self._sensor(samples), _worst_clipping(samples, self._context), *self._clock(clocks)]
@@ -117,7 +117,7 @@ class DataTests:
         return replace(solution, tests=(*solution.tests, *tests), details={**solution.details, **details})
 
     def _clock(self, clocks: dict[str, "SampleClock"]) -> Iterator[ModelTest]:
-        """Yield the test of the sample rate, unless the time is too short to decide it."""
+        """Yield the test of the sample rate, unless the time is too short for it."""
         limit = self._clock_within
         if not clocks:
             return
@@ -146,7 +146,7 @@ class DataTests:
 
 
 def data_faults(samples: SampleBlock, context: SolveContext, prior: Posterior) -> list[Diagnosis]:
-    """Return the errors of samples and configuration that a stage reveals without a solution."""
+    """Return the errors of samples and configuration that the data of a stage show without a solution."""
     data = stage_data([samples], context.imu)
     motion = table_motion(data)
     error = gross_error(motion, context, _clock_offsets(samples, context))
@@ -180,7 +180,7 @@ def clipping_test(counts: FloatArray, time: FloatArray, imu: ImuModel, number: s
     Samples are rounded to bins of width h. With Gaussian noise of standard deviation s, the fractions p of samples in
     neighbouring bins satisfy p[k-1] p[k+1] >= p[k]² exp(-h²/s²) for any signal (by Cauchy's inequality for one level of
     the signal, by Titu's lemma for a mixture). The two highest bins therefore give a lower bound of the number of
-    samples expected above the highest one.
+    samples expected above the highest bin.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def _missing_samples(counts: FloatArray, noise: FloatArray, step: FloatArray, wi
     low, high, fine, slow, finest = _windows_of(counts, width)
     for i in range(len(step)):
         lowest, highest_value = float(low[:, i].min()), float(high[:, i].max())
-        if finest[i] > step[i]:  # adjacent samples may differ by more than adjacent values do
+        if finest[i] > step[i]:  # successive samples may always differ by several steps
             finest[i] = np.diff(np.unique(counts[:, i])).min(initial=np.inf)
         inside = (high[: len(fine), i] < highest_value) & (low[: len(fine), i] > lowest)
         if not inside.any():
@@ -298,18 +298,18 @@ def _count_beyond(
 
 @dataclass(frozen=True)
 class SampleClock:
-    """A reference clock compared with the sample counter."""
+    """Comparison of the sample counter with a reference clock."""
 
     offset: float  #: Relative difference of the sample rate from its nominal value.
     sigma: float  #: Standard deviation of `offset`.
-    jitter: float  #: Standard deviation of a time from a straight line, s.
+    jitter: float  #: Standard deviation of the times about the fitted line, s.
 
 
 def sample_clocks(samples: SampleBlock, rate: float, reference: float | None = None) -> dict[str, SampleClock]:
     """Compare the counter of samples at `rate`, Hz, with their times and with station time, if known.
 
-    With a temperature `reference`, °C, the offset is that at this temperature: a quartz changes by tens of ppm over the
-    range of a unit, which a polynomial of the second order describes.
+    With a temperature `reference`, °C, the offset is that at this temperature: the rate of a quartz changes by tens of
+    ppm over the range of a unit, which is fitted by a second-order polynomial.
     """
     nominal, warmth = samples.seq / rate, None
     known = np.flatnonzero(~np.isnan(samples.temperature))
@@ -322,7 +322,7 @@ def sample_clocks(samples: SampleBlock, rate: float, reference: float | None = N
 
 
 def _clock(nominal: FloatArray, time: FloatArray, rate: float, warmth: FloatArray | None) -> SampleClock | None:
-    """Fit the rate of a clock with one offset for each interval without gap; None if the intervals are too short.
+    """Fit the rate of a clock, with an offset for each interval without gaps; None if the intervals are too short.
 
     Parameters
     ----------
@@ -400,7 +400,7 @@ def temperature_coefficients(rests: RestResiduals, samples: SampleBlock, gravity
 def _per_degree(
     columns: FloatArray, warmth: FloatArray, residual: FloatArray, sigma: FloatArray, groups: tuple[str, ...]
 ) -> dict[str, dict[str, float]]:
-    """Return value and sigma of each coefficient of `columns`, shape (k, m), that k rests determine, by parameter."""
+    """Return the value and sigma of the coefficient of each of m columns, shape (k, m), from k rests, by parameter."""
     names = [PARAMETERS[i].name for group in groups for i in group_indices(group)]
     rows = np.hstack([columns * (warmth - warmth.mean())[:, None], columns]) / sigma[:, None]
     if len(rows) <= rows.shape[1] or np.linalg.cond(rows / np.linalg.norm(rows, axis=0)) > 1e3:

@@ -1,9 +1,8 @@
-"""Gross errors of a configuration: exchanged or reversed axes and angles, wrong units, output kind and sample rate.
+"""Gross errors of a configuration: exchanged or reversed axes and angles, wrong units, output kind or sample rate.
 
-The encoders of the table show which way is up at every rest, and by which angle and about which axis each motion turns
-the unit. If accelerometers and gyros contradict that, the configurations that differ in one or two entries are tried;
-the one that explains all rests and motions is the error. Errors that no such configuration explains are left to the
-tests of the data.
+The encoders of the table give the direction of up at every rest, and the axis and angle of each rotation of the unit.
+If accelerometers and gyros contradict them, configurations with other signs, axes or factors are tried; the one with
+the fewest errors that explains the rests and motions is reported. Other errors are left to the tests of the data.
 """
 
 import itertools
@@ -28,11 +27,11 @@ from calstation.physics import (
     rotation_vector,
 )
 
-#: Largest deviation of a force or a rotation from its expected value, relative to it; it exceeds every error of a unit.
+#: Largest deviation of a force or a rotation relative to its expected value; larger than any error of a unit.
 _AGREES = 0.35
-#: Largest fraction of rests or motions that the right configuration leaves unexplained.
+#: Largest fraction of rests or motions that a correct configuration may leave unexplained.
 _UNEXPLAINED = 0.05
-#: Largest deviation of a scale from 1, as a ratio, and of a factor from a known one.
+#: Largest ratio of a scale to 1, and of a factor to a known factor.
 _SCALE, _KNOWN = 1.25, 1.1
 #: Confusions of units: actual unit, configured unit, and the factor by which the output is multiplied.
 _GYRO_UNITS = (
@@ -51,13 +50,13 @@ _ACCEL_UNITS = (
     ("mm/s²", "m/s²", 1e3),
     ("m/s²", "mm/s²", 1e-3),
 )
-#: Largest number of equally simple explanations that are named.
+#: Largest number of equally simple explanations in a message.
 _MAX_ALTERNATIVES = 3
-#: Largest deviation of the heading, rad and sigmas, and largest sigma with which it is tested, rad.
+#: Largest deviation of the heading, rad plus a number of sigmas, and largest sigma for which it is tested, rad.
 _HEADING_TOLERANCE, _HEADING_SIGMAS, _MAX_HEADING_SIGMA = np.deg2rad(5.0), 6.0, 0.1
 #: Largest condition number of the normalised equations of heading and biases.
 _MAX_CONDITION = 1e6
-#: Errors of the wrap of a counter, counts.
+#: Ranges of wrapping fields, counts.
 _WRAPS = (2.0**16, 2.0**24, 2.0**32)
 
 
@@ -75,7 +74,7 @@ class _Angles:
         return self.exchanged + self.signs.count(-1.0) + (self.factor != 1.0)
 
     def corrected(self, angles: FloatArray) -> FloatArray:
-        """Return the right outer and inner angles from the recorded ones, shape (k, 2)."""
+        """Return the corrected outer and inner angles of recorded angles, shape (k, 2)."""
         signed = angles * self.signs * self.factor
         return np.asarray(signed[:, ::-1] if self.exchanged else signed)
 
@@ -102,10 +101,10 @@ _ANGLES = (
 
 @dataclass(frozen=True)
 class _Fit:
-    """The permutation of a sensor's axes with signs, and the factor, that agree best with the table."""
+    """A signed permutation of a sensor's axes, and a factor, with which it agrees with the table."""
 
-    axes: FloatArray  #: Signed permutation: measured axes from true ones, shape (3, 3).
-    factor: float  #: Ratio of the measured magnitudes to the true ones.
+    axes: FloatArray  #: Signed permutation from true to measured axes, shape (3, 3).
+    factor: float  #: Ratio of the measured to the true magnitude.
 
     @property
     def errors(self) -> int:
@@ -164,7 +163,7 @@ class _Candidate:
 
     @property
     def mounted(self) -> bool:
-        """Whether the axes of both sensors are wrong in the same way, because the unit is mounted otherwise."""
+        """Whether both sensors have the same wrong axes, because the unit is mounted in another orientation."""
         if self.gyro is None or self.accel is None or not self.gyro.errors:
             return False
         return np.array_equal(self.gyro.axes, self.accel.axes) and float(np.linalg.det(self.gyro.axes)) > 0.0
@@ -177,7 +176,7 @@ class _Candidate:
 
 
 def _candidates(motion: TableMotion, context: SolveContext) -> Iterator[_Candidate]:
-    """Yield the configurations that explain a stage, only the configured one if it does."""
+    """Yield the configurations that explain a stage; end with the actual configuration if it does."""
     for angles in _ANGLES:
         up, turns, rotations = _expected(angles, motion, context)
         gyros = _fits(rotations, turns)
@@ -197,8 +196,8 @@ def _candidates(motion: TableMotion, context: SolveContext) -> Iterator[_Candida
 def _expected(angles: _Angles, motion: TableMotion, context: SolveContext) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the up directions in b at the rests, shape (k, 3), and rotations of the unit, rad, shape (u, 3).
 
-    The rotations are those of the corrected angles: of single joints between two rests, and of parts of other motions.
-    The third array contains the rotations that the gyros measure.
+    The rotations are computed from the corrected angles, for single joints between two rests and for parts of other
+    motions. The third array contains the rotations measured by the gyros.
     """
     geometry, joints = context.table.geometry, angles.corrected(motion.angles)
     up = np.array([geometry.body_to_home(*pair)[2] for pair in joints])
@@ -217,9 +216,9 @@ def _expected(angles: _Angles, motion: TableMotion, context: SolveContext) -> tu
 
 
 def _fits(measured: FloatArray, expected: FloatArray) -> list[_Fit | None]:
-    """Return the axes with which `measured` agrees with `expected`, shape (n, 3), fewest errors first.
+    """Return the fits for which `measured` agrees with `expected`, shape (n, 3), those with fewest errors first.
 
-    Without data, the only fit is None.
+    Without data, the list contains only None.
     """
     has_direction = expected.any(axis=1)
     measured, expected = measured[has_direction], expected[has_direction]
@@ -247,13 +246,13 @@ def _axis_texts(candidate: _Candidate, context: SolveContext) -> list[Text]:
 
 
 def _orientation(axes: FloatArray, context: SolveContext) -> str:
-    """Return the orientation of a unit whose axes differ from the configured ones by a rotation."""
+    """Return the orientation of a unit whose axes differ from the configured axes by a rotation."""
     mounted = np.array(context.table.orientation) @ axes.T
     return next(name for name in ORIENTATIONS if np.array_equal(np.array(orientation_matrix(name)), mounted))
 
 
 def _swaps(sensor: str, axes: FloatArray) -> list[Text]:
-    """Return the channel that contains the values of each axis that a signed permutation changes."""
+    """Return, for each axis that a signed permutation changes, the channel that contains its values."""
     parts = []
     for column, axis in enumerate(AXES):
         row = int(np.argmax(np.abs(axes[:, column])))
@@ -264,7 +263,7 @@ def _swaps(sensor: str, axes: FloatArray) -> list[Text]:
 
 
 def _turned_modulo(motion: TableMotion, context: SolveContext) -> bool:
-    """Return whether gyros and encoders differ by whole turns in the motions in which they differ."""
+    """Return whether all differences between gyros and encoders in motions are whole turns, and there is one."""
     if np.ptp(motion.angles, axis=0).max() > 2.0 * np.pi + SMALLEST_TURN:
         return False
     differ = 0
@@ -292,16 +291,16 @@ def _wrong_factor(candidate: _Candidate, context: SolveContext, clock_offsets: S
     imu, increment = context.imu, context.imu.output == "increment"
     fits = candidate.gyro, candidate.accel
     known = [fit.factor for fit in fits if fit is not None]
-    turned, forced = (1.0 if fit is None else fit.factor for fit in fits)
+    gyro_factor, accel_factor = (1.0 if fit is None else fit.factor for fit in fits)
     if all(1.0 / _SCALE < factor < _SCALE for factor in known):
         return None
     by_rate = imu.sample_rate if increment else 1.0 / imu.sample_rate
-    factors: dict[str, float | str] = {"gyro": turned, "accel": forced}
+    factors: dict[str, float | str] = {"gyro": gyro_factor, "accel": accel_factor}
     if all(_is_near(factor, by_rate) for factor in known):
         output = "rate" if increment else "increment"
         return Diagnosis("output_kind", by_rate, values={**factors, "output": output})
     # a wrong sample rate changes the forces of increments, and the angles of rates
-    ratio, other = (1.0 / forced, turned) if increment else (turned, forced)
+    ratio, other = (1.0 / accel_factor, gyro_factor) if increment else (gyro_factor, accel_factor)
     agree = [_is_near(1.0 + offset, ratio) for offset in clock_offsets] or [_is_near(max(ratio, 1.0 / ratio), 2.0)]
     if 1.0 / _SCALE < other < _SCALE and any(agree):
         values = {**factors, "rate": imu.sample_rate * ratio, "configured": imu.sample_rate}
@@ -309,9 +308,9 @@ def _wrong_factor(candidate: _Candidate, context: SolveContext, clock_offsets: S
             {"lsb": "accel_lsb", "correction": ratio} if increment else {"lsb": "gyro_lsb", "correction": 1.0 / ratio}
         )
         return Diagnosis("sample_rate_wrong", ratio, values=values)
-    if not 1.0 / _SCALE < turned < _SCALE:
-        return Diagnosis("gyro_unit", turned, values=_unit_values(turned, imu.gyro_lsb, _GYRO_UNITS))
-    return Diagnosis("accel_unit", forced, values=_unit_values(forced, imu.accel_lsb, _ACCEL_UNITS))
+    if not 1.0 / _SCALE < gyro_factor < _SCALE:
+        return Diagnosis("gyro_unit", gyro_factor, values=_unit_values(gyro_factor, imu.gyro_lsb, _GYRO_UNITS))
+    return Diagnosis("accel_unit", accel_factor, values=_unit_values(accel_factor, imu.accel_lsb, _ACCEL_UNITS))
 
 
 def _unit_values(factor: float, lsb: float, units: tuple[tuple[str, str, float], ...]) -> dict[str, Any]:
@@ -325,7 +324,7 @@ def _is_near(factor: float, known: float) -> bool:
 
 
 def _wrapped_channel(motion: TableMotion, context: SolveContext) -> Diagnosis | None:
-    """Return the channel whose mean at rest is wrong by a wrap of its counter; None if there is none."""
+    """Return the diagnosis of a channel whose mean at rest is wrong by the range of its field, or None."""
     gravity, size = context.site.local_gravity, context.imu.count_size
     up, _, _ = _expected(_Angles(), motion, context)
     means = np.hstack([motion.rate, motion.force - gravity * up])
@@ -360,10 +359,8 @@ def heading_test(motion: TableMotion | None, context: SolveContext, prior: Poste
 def _measured_heading(motion: TableMotion, context: SolveContext, prior: Posterior) -> tuple[float, float] | None:
     """Return the heading of platform +y at home and its sigma, rad, measured by the gyros at the rests of the table.
 
-    None if the rests do not separate it from the gyro biases.
-
-    The rate at a rest is the earth rate in b plus the bias; the horizontal earth rate and the biases are unknowns, with
-    the prior of the biases.
+    The result is None if the rests do not separate the heading from the gyro biases. The rate at a rest is the earth
+    rate in b plus the bias; the horizontal earth rate and the biases are unknowns, with the prior of the biases.
     """
     if np.isnan(motion.rate).all():
         return None
@@ -396,5 +393,5 @@ def _measured_heading(motion: TableMotion, context: SolveContext, prior: Posteri
 
 
 def _wrapped(angle: float) -> float:
-    """Return an angle between −π and π."""
+    """Return the equivalent angle between −π and π."""
     return float((angle + np.pi) % (2.0 * np.pi) - np.pi)

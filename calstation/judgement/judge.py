@@ -1,4 +1,4 @@
-"""Decision between PASS and FAIL: comparison of a run's solutions with the limits and checks, and its verdict."""
+"""Pass or fail: comparison of a run's solutions with the limits and checks, and its verdict."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -25,27 +25,27 @@ _MODEL_DEPENDENT: frozenset[CheckKind] = frozenset({
 })  # fmt: skip
 
 
-#: Kinds of checks of the data, whose causes come before those of the site.
+#: Kinds of checks whose causes are listed before those of the site.
 _OF_DATA: frozenset[CheckKind] = frozenset({
     "clipping", "samples", "sample_clock", "temperature_sensor", "sigma_below", "within",
 })  # fmt: skip
-#: Kinds of checks of the site and of the mounting, the most certain first.
+#: Kinds of checks of the site and the mounting, the most certain first.
 _OF_SITE: tuple[CheckKind, ...] = ("latitude", "heading", "start_attitude")
 #: Deviation of the heading, in units of its limit, above which no effect is its cause.
 _FAR = 3.0
-#: Kinds of checks that a partial run fails if the current calibration is missing, too old or no longer agrees.
+#: Kinds of checks that a partial run fails if the current calibration is missing, too old or no longer valid.
 _OF_CALIBRATION: frozenset[CheckKind] = frozenset({"sigma_below", "unobservable", "change"})
 #: Causes that reseating the unit can remove: its mounting, its cable, or a disturbance of the table.
 _OF_MOUNTING = frozenset({
     "mount_unlike", "heading_unlike", "spikes", "stuck", "table_vibrates", "gyro_moving_bias", "accel_moving_bias",
     "excess_shift", "excess_scatter", "excess_there", "excess_spread", NO_SINGLE_EFFECT,
 })  # fmt: skip
-#: Causes that may be gone when the run is repeated, for instance after the unit has warmed up, or on the link.
+#: Temporary causes, such as warm-up or the link, which may be absent when the run is repeated.
 _OF_TIME = frozenset({
     "temperature_changed", "drift", "drift_throughout", "jump", "jump_before", "gyro_bias_wanders", "changed_in_time",
     "stages_disagree", "samples_lost", "samples_repeated", "samples_doubled",
 })  # fmt: skip
-#: Ratio of the measured to the stated noise from which the noise is a cause.
+#: Smallest ratio of the measured to the stated noise at which the noise is a cause.
 _NOTABLE_NOISE = 1.2
 
 
@@ -68,7 +68,7 @@ class Judgement:
 
 @dataclass(frozen=True)
 class SolvedAgain:
-    """Additional input to the judgement of a log that was solved again, possibly for fewer stages than its run."""
+    """Additional input to the judgement of a log that was solved again, possibly with fewer stages than in its run."""
 
     complete: bool = True  #: Whether every stage of the log was solved; otherwise the unit may fail, but not pass.
     online: Sequence[Check] = ()  #: Comparison with the result of the run, see `offline_online`.
@@ -139,7 +139,7 @@ def _limits(meta: LogMeta) -> tuple[Mapping[str, Limit], float]:
 
 
 def _with_explanation(checks: list[Check], solutions: Sequence[Solution]) -> list[Check]:
-    """Return the checks with the last stage's failed test inserted before the first check that it explains."""
+    """Return the checks with the explanation of the last stage before the first failed check that it may explain."""
     failed = [k for k, check in enumerate(checks) if not check.passed and check.kind in _MODEL_DEPENDENT]
     last_solution = solutions[-1] if solutions else None
     if not failed or last_solution is None or last_solution.explanation is None:
@@ -148,10 +148,10 @@ def _with_explanation(checks: list[Check], solutions: Sequence[Solution]) -> lis
 
 
 def _site_first(checks: list[Check]) -> list[Check]:
-    """Return the checks with a failed latitude, heading or mounting before the other causes that they may have.
+    """Return the checks; a failed latitude, heading or mounting precedes the failed checks that it may cause.
 
-    An effect that explains all innovations may itself shift the latitude and the heading by a little, and remains
-    before them, unless the heading is far off.
+    An effect that explains all innovations may itself shift the latitude and the heading slightly; it remains before
+    them unless the heading is far off.
     """
     effects = [check.diagnosis.cause for check in checks if check.kind == "effects" and check.diagnosis is not None]
     site = [check for check in checks if check.kind in _OF_SITE and not check.passed]
@@ -180,10 +180,10 @@ def _with_cause(meta: LogMeta, check: Check) -> Check:
 
 
 def _with_noise(checks: list[Check], solutions: Sequence[Solution]) -> list[Check]:
-    """Return the checks, with the measured noise as the cause of each failed check of a sigma that has no other cause.
+    """Return the checks with the measured noise as the cause of failed checks of sigmas, unless another cause is known.
 
-    With the noise of the profiles, such a sigma would be within its limit. Noise that is hardly larger than stated is
-    no cause, because the measured one has scatter.
+    With the noise of the profiles, such a sigma would be within its limit. Noise only slightly above the stated noise
+    is no cause, because measured noise has scatter.
     """
     noise = [test for s in solutions for test in s.tests if test.kind in ("table_noise", "imu_noise")]
     largest = max(noise, key=lambda test: test.value, default=None)
@@ -222,13 +222,13 @@ class End(StrEnum):
     COMPLETED = "completed"
     STOPPED = "stopped"
     FAULT = "fault"
-    INCOMPLETE = "incomplete"  #: Its process died.
+    INCOMPLETE = "incomplete"  #: The process of the run ended unexpectedly.
 
 
 def verdict_of(end: End, passed: bool | None, *, partial: bool) -> Verdict:
     """Return the verdict of a run, or of a log that was solved again.
 
-    The verdict of a run that was not completed is its end, regardless of its values.
+    The verdict of a run that was not completed is how it ended, regardless of its values.
 
     Parameters
     ----------
@@ -245,9 +245,10 @@ def verdict_of(end: End, passed: bool | None, *, partial: bool) -> Verdict:
 
 
 def needs_full_calibration(checks: Collection[Check], *, partial: bool) -> bool:
-    """Return whether a partial run failed for lack of a calibration that agrees with the unit, without another cause.
+    """Return whether a partial run failed only because no current calibration agrees with the unit.
 
-    The stages of a partial run determine only some parameters, and the others only as well as the current calibration.
+    The stages of a partial run determine only some parameters; the others are only as accurate as the current
+    calibration.
     """
     failed = [check for check in checks if not check.passed]
     uncertain = {check.subject for check in failed if check.kind in _OF_CALIBRATION}
@@ -256,10 +257,10 @@ def needs_full_calibration(checks: Collection[Check], *, partial: bool) -> bool:
 
 
 def remedy_of(checks: Collection[Check], *, partial: bool) -> str | None:
-    """Return the action that the failed checks ask for: ``full_calibration``, ``repeat``, ``ask_engineer``, or None.
+    """Return the action that the failed checks require: ``full_calibration``, ``repeat``, ``ask_engineer``, or None.
 
-    The first failed check with a cause decides. Causes in a profile, in the site, or inside the unit are for an
-    engineer. None stands for the action of the product.
+    The first failed check with a cause decides. Causes in a profile, the site or the unit require an engineer. None
+    means the action configured in the product.
     """
     if needs_full_calibration(checks, partial=partial):
         return "full_calibration"
@@ -270,7 +271,7 @@ def remedy_of(checks: Collection[Check], *, partial: bool) -> str | None:
 
 
 def _is_of_uncertain(check: Check, uncertain: Collection[str]) -> bool:
-    """Return whether a check is about the value of a parameter that is too uncertain, and has no other cause."""
+    """Return whether a check compares the value of a parameter that is too uncertain, and has no other cause."""
     return check.kind == "within" and check.subject in uncertain and check.diagnosis is None
 
 
@@ -294,8 +295,8 @@ def advice(
     verdict : verdict of the run
     failures : number of consecutive failed runs, including this one
     resumable : whether a run that was not completed can be resumed
-    shortened : whether the operator ended a solved stage before its schedule did
-    remedy : action that the failed checks ask for, see `remedy_of`
+    shortened : whether the operator ended a solved stage before the end of its schedule
+    remedy : action that the failed checks require, see `remedy_of`
     """
     if verdict.passed:
         return None

@@ -22,22 +22,22 @@ from calstation.records import MODEL_KINDS, NEAR_MISS_FRACTION, Limit, Rule
 
 #: Coverage factor of the expanded uncertainty.
 COVERAGE_FACTOR = 2.0
-#: Largest change of a parameter for which the unit agrees with its current calibration, in standard deviations.
+#: Largest change of a parameter at which the unit agrees with its current calibration, in standard deviations.
 _CHANGED = 6.0
-#: Largest change of a parameter for which the data agree with a prior that a profile states, in standard deviations.
-#: One of 30 changes of a good unit is larger in one of 60,000 runs.
+#: Largest change of a parameter at which the data agree with the prior in a profile, in standard deviations. Any of 30
+#: changes of a good unit exceeds it in 1 of 60,000 runs.
 _UNLIKE_PRIOR = 5.0
-#: Largest ratio of the variances after and before the data of a parameter that is compared with its prior.
+#: Largest ratio of posterior to prior variance of a parameter that is compared with its prior.
 _DETERMINED = 0.25
-#: Smallest relative decrease of a variance that is not due to rounding.
+#: Smallest relative decrease of a variance that is not attributed to rounding.
 _RESOLVED = 1e-6
 
 
 def acceptance_interval(limits: tuple[float, float], sigma: float, rule: Rule) -> tuple[float, float]:
     """Return the lowest and highest accepted value; nothing is accepted if the lowest is above the highest.
 
-    Simple acceptance, JCGM 106:2012, 8.2, or guarded acceptance with a guard band of the expanded uncertainty on each
-    side, 8.3.2 and ILAC-G8:09/2019, 4.2.
+    The rule is simple acceptance (JCGM 106:2012, 8.2) or guarded acceptance with a guard band of the expanded
+    uncertainty on each side (8.3.2 and ILAC-G8:09/2019, 4.2).
 
     Parameters
     ----------
@@ -58,9 +58,9 @@ def estimated_stage(solutions: Sequence[Solution]) -> dict[str, str]:
 def unobservable(prior: Posterior, solutions: Sequence[Solution]) -> list[str]:
     """Return the estimated parameters that the data do not determine.
 
-    Their sigma, the largest over the range of temperatures, is above 0.9 of the prior sigma, or they are in the
-    unobservable subspace of every stage that estimated them, so that only a prior correlation has reduced their sigma,
-    or their sigma rests on an assumption.
+    These are parameters whose sigma, the largest over the range of temperatures, exceeds 0.9 of the prior sigma; that
+    were unobservable in every stage that estimated them, so that only a prior correlation has reduced their sigma; or
+    whose sigma depends on an assumed scatter.
     """
     if not solutions:
         return []
@@ -93,7 +93,7 @@ def undetermined(prior: Posterior, solutions: Sequence[Solution], calibrated: Co
 
 
 def _not_observed(name: str, solutions: Sequence[Solution]) -> bool:
-    """Return whether all stages that estimated a parameter have observability analyses without it."""
+    """Return whether, in all stages that estimated a parameter, the observability analysis found it unobservable."""
     states = [s.observability.get("states", {}).get(name) for s in solutions if name in s.estimated]
     return all(state is not None and state["step"] is None for state in states)
 
@@ -166,12 +166,12 @@ def check_limits(
 
 
 def final_checks(solution: Solution) -> list[Check]:
-    """Return the checks of a stage whose outcome no later stage changes: of its innovations, and of its data."""
+    """Return the checks of a stage that later stages do not change: those of its innovations and of its data."""
     return [*_consistency(solution), *_model_checks(solution, last=False)]
 
 
 def _model_checks(solution: Solution, *, last: bool) -> list[Check]:
-    """Return the checks of the data and the model of a stage; those of the last stage test effects in all stages."""
+    """Return the checks of the data and the model of a stage; only the `last` stage tests effects, for all stages."""
     tests = [test for test in solution.tests if last or test.kind not in ("effects", "alternatives")]
     return [Check.of_model(solution.stage, test) for test in tests]
 
@@ -185,16 +185,16 @@ def _consistency(solution: Solution) -> list[Check]:
 
 
 def check_prior(prior: Posterior, solutions: Sequence[Solution], stated: Collection[str]) -> list[Check]:
-    """Compare the parameters that the data determine with their prior; [] if there is none.
+    """Compare the parameters that the data determine with their prior; [] if there are none.
 
-    A parameter close to a prior of comparable sigma is pulled towards it. Its change is therefore compared with the
-    standard deviation of the change, and not with that of the prior.
+    The prior pulls the estimate towards its mean. The change is therefore compared with the standard deviation of the
+    change, not with that of the prior.
 
     Parameters
     ----------
     prior : posterior before the first stage
     solutions : solutions of the stages, in order
-    stated : parameters whose prior a profile or a configuration states
+    stated : parameters with a prior in a profile or a configuration
     """
     if not solutions:
         return []

@@ -1,7 +1,8 @@
-"""Samples that are lost or doubled without a gap in the counter, from jumps of all channels, or of the table's angles.
+"""Detection of samples lost or doubled without a gap in the counter, by jumps of the force or of the table's angles.
 
-A lost sample shifts all later ones in time. The specific force shows it while the direction of gravity changes; an
-encoder shows it while the table turns, because its angle then changes by more than the integrated rate.
+A lost sample shifts all later samples in time. This is visible in the specific force while the direction of gravity in
+b changes, and in the encoder angle while the table turns, because the angle then changes by more than the integrated
+rate.
 """
 
 from collections.abc import Iterator
@@ -16,14 +17,15 @@ from calstation.physics import BoolArray, FloatArray, IntArray, kernel, rotation
 
 #: Number of samples on each side of a lost or repeated sample to which lines are fitted.
 _FIT = 10
-#: Largest rms residual of these lines, in sigmas, and largest difference of their slopes relative to their mean.
+#: Largest rms residual of these lines, in sigmas, and largest difference of their slopes relative to the mean slope.
 _RESIDUAL, _SLOPES = 3.0, 0.1
-#: Largest sigma of a shift in time, in samples, and smallest shift in sigmas.
+#: Largest sigma of a detected shift in time, in samples, and smallest detected shift, in sigmas.
 _MAX_SIGMA, _SIGMAS = 1.0 / 12.0, 9.0
-#: Change of a force over both lines, in sigmas, below which the sigma of a shift is certainly larger than that.
+#: Change of a force over both lines, in sigmas of noise, below which the sigma of a shift certainly exceeds
+#: `_MAX_SIGMA`.
 _STEEP = 50.0
-#: Smallest rate near a shift that the angles show, relative to the largest one nearby: a filter delays the start of a
-#: rotation by more than its middle.
+#: Smallest rate near a shift detected in the angles, relative to the largest rate nearby, because a filter delays the
+#: start of a rotation more than its middle.
 _SLOWEST = 0.3
 #: Largest deviation of a shift from a whole number of samples.
 _WHOLE = 0.3
@@ -56,7 +58,7 @@ def line_weights(first: int, last: int, at: float) -> FloatArray:
 
 
 def shifts(counts: FloatArray, broken: BoolArray, sigma: FloatArray, width: int) -> Iterator[SampleFault]:
-    """Yield samples before which others are missing or repeated, while all channels change smoothly.
+    """Yield the samples before which samples are lost or doubled, while all channels change smoothly.
 
     Parameters
     ----------
@@ -81,8 +83,9 @@ def _shift_scores(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the shift in time before each sample, in samples, and its sigma, infinite if unknown, shape (n,) each.
 
-    Lines are fitted to `fit` samples on both sides; with equal slopes, a shift is their difference over the slope. The
-    gyros show whether the motion is smooth; the rate may change suddenly, the direction of gravity may not.
+    Lines are fitted to `fit` samples on both sides; with equal slopes, a shift is the difference of the lines divided
+    by the slope. Gyros only show whether the motion is smooth, because a rate may change suddenly, unlike the direction
+    of gravity.
     """
     n, channels = counts.shape
     shift, spread = np.zeros(n), np.full(n, np.inf)
@@ -138,10 +141,10 @@ def _shift_scores(
 
 
 def _shift_faults(samples: IntArray, shift: FloatArray, spread: FloatArray) -> Iterator[SampleFault]:
-    """Yield the fault of significant shifts by whole samples at some of the `samples`; shapes (n,)."""
+    """Yield the faults for significant shifts by whole samples; all arrays have the shape (n,)."""
     whole, significance = np.rint(shift), np.abs(shift) / spread
     is_fault = (spread < _MAX_SIGMA) & (whole != 0.0) & (significance > _SIGMAS) & (np.abs(shift - whole) < _WHOLE)
-    at = [  # the most significant of neighbouring ones
+    at = [  # the most significant of neighbouring shifts
         k
         for k in np.flatnonzero(is_fault).tolist()
         if significance[max(k - _FIT, 0) : k + _FIT + 1].max() <= significance[k]
@@ -153,7 +156,7 @@ def _shift_faults(samples: IntArray, shift: FloatArray, spread: FloatArray) -> I
 
 
 def shifts_of_angles(data: StageData, motion: TableMotion, context: SolveContext) -> Iterator[SampleFault]:
-    """Yield samples at which the angle of a joint changes by more, or less, than the integrated rate."""
+    """Yield the samples at which the angle of a joint changes by more, or less, than the integrated rate."""
     samples, shift, spread = [], [], []
     for (k, _), joint, rotation in zip(motion.links, motion.joints, motion.rotation, strict=True):
         start, stop = motion.rests[k][1], motion.rests[k + 1][0]
@@ -177,7 +180,7 @@ def shifts_of_angles(data: StageData, motion: TableMotion, context: SolveContext
 
 
 def _path(angles: FloatArray, context: SolveContext) -> tuple[FloatArray, FloatArray]:
-    """Return the length of the path of the unit's rotation at angles of the joints, shape (n, 2), rad, and directions.
+    """Return the path length of the unit's rotation, rad, shape (n,), at joint angles, rad, shape (n, 2), and its axes.
 
     Row i of the directions, shape (n + 1, 3), is the axis in b of the rotation before angle i; 0 at the ends.
     """
@@ -190,14 +193,14 @@ def _path(angles: FloatArray, context: SolveContext) -> tuple[FloatArray, FloatA
 
 @kernel
 def _angle_shifts(
-    difference: FloatArray, turned: FloatArray, fit: int, slowest: float
+    difference: FloatArray, rotation: FloatArray, fit: int, slowest: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the shift in time before each angle, in samples, and its sigma, infinite if unknown, shape (n,) each.
 
     Parameters
     ----------
     difference : angle minus integrated rate, rad, shape (n,)
-    turned : rotation in one sample, rad, shape (n,)
+    rotation : rotation in one sample, rad, shape (n,)
     fit : number of angles on each side
     slowest : smallest rate on both sides, relative to the largest
     """
@@ -212,8 +215,8 @@ def _angle_shifts(
     for k in range(fit, n - fit + 1):
         size, smallest = 0.0, np.inf
         for j in range(k - fit, k + fit):
-            size, smallest = max(size, abs(turned[j])), min(smallest, abs(turned[j]))
-        rate = 0.5 * (turned[k - 1] + turned[k])
+            size, smallest = max(size, abs(rotation[j])), min(smallest, abs(rotation[j]))
+        rate = 0.5 * (rotation[k - 1] + rotation[k])
         if smallest <= slowest * size:
             continue
         low = high = slope_low = slope_high = mean_low = mean_high = 0.0

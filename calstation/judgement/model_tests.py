@@ -9,7 +9,7 @@ from calstation.estimation.common import Posterior, stage_agreement
 from calstation.estimation.effects import EffectPrior, EffectTests, StateEvidence, effect_tests
 from calstation.physics import FloatArray
 
-#: A change of the posterior less probable than this contradicts the earlier stages.
+#: Smallest probability of a change of the posterior that agrees with the earlier stages.
 MIN_PROBABILITY = 1e-6
 
 
@@ -57,13 +57,13 @@ class ModelTests:
         return replace(solution, tests=tuple(tests))
 
     def _remarks(self, states: Sequence[StateEvidence]) -> list[tuple[str, dict[str, str]]]:
-        """Return messages about what the data do not distinguish from the states of the model."""
+        """Return messages about effects and lever arms that the data do not distinguish from the model's states."""
         gauge = [("lever_gauge", {"state": state}) for state in self._states if state == "accel_off_axis"]
         alike = {(row.state.cause, other.cause) for row in states for other in row.alike}
         return gauge + [("state_alike", {"state": state, "other": other}) for state, other in sorted(alike)]
 
     def _with_effects(self, solution: Solution) -> Solution:
-        """Return a solution whose model contains the effects in the unit's model."""
+        """Return a solution corrected for the effects in the unit's model."""
         if not self.effects.models_effects:
             return solution
         effects, c = self.effects.estimate(), solution.consistency
@@ -82,7 +82,7 @@ class ModelTests:
 
 
 def _convergence(solution: Solution) -> list[ModelTest]:
-    """Return a failed test if the iteration of a solution has not converged, because its error is unknown."""
+    """Return a failed test if the iteration of a solution did not converge, because the error is then unknown."""
     passes = [values["passes"] for code, values in solution.messages if code == "not_converged"]
     return [ModelTest("convergence", n, n - 1, "1", Diagnosis("not_converged", values={"passes": n})) for n in passes]
 

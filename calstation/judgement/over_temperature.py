@@ -13,18 +13,17 @@ from calstation.judgement.check import Check, Where
 from calstation.physics import INDEX, PARAMETERS, FloatArray, entry_of
 from calstation.records import Limit
 
-#: Smallest probability of the differences of a group between rising and falling temperature with which they are noise,
-#: and the largest of them then, in sigmas.
+#: Smallest probability of the differences of a group between rising and falling temperature that are attributed to
+#: noise, and largest difference in such a group, in sigmas.
 _UP_DOWN_PROBABILITY, _UP_DOWN_SIGMAS = 1e-5, 6.0
 
-#: Window in which a unit is steady, s, and largest change of its temperature and of the air from one half of it to the
-#: other, K.
+#: Window in which a unit is steady, s, and largest change of the temperatures of unit and air between its halves, K.
 _STEADY_TIME, _STEADY_CHANGE = 60.0, 0.1
-#: Longest time constant with which a unit may still approach its final temperature then, s, and change of the air from
-#: which it approaches another one, K.
+#: Longest time constant of a steady unit that still approaches its final temperature, s, and smallest change of the air
+#: temperature that starts another soak, K.
 _LONGEST, _OTHER_AIR = 7200.0, 1.0
-#: Largest change of the difference between unit and air over the range, K, and its additional part of the difference,
-#: because the self-heating depends on the density of the air.
+#: Largest change of the difference between unit and air over the range, K, and addition to it as a fraction of the
+#: difference, because self-heating depends on the density of the air.
 _LARGEST_CHANGE, _PART_OF_HEATING = 3.0, 0.25
 
 
@@ -58,15 +57,15 @@ def worst_estimate(
 def check_up_down(solution: Solution, limits: Mapping[str, Limit], near: float) -> list[Check]:
     """Return the check of the hysteresis of a stage at several temperatures; [] if it was not determined.
 
-    Half of the difference of a parameter between rising and falling temperature is an error of its polynomial. It may
-    be as large as the rest of the parameter's sigma permits within the limit of the sigma, or its group is not
-    significant.
+    Half of the difference of a parameter between rising and falling temperature is an error of its polynomial. Together
+    with the parameter's sigma without hysteresis, it may reach the limit of the sigma; differences attributed to noise
+    also pass.
 
     Parameters
     ----------
     solution : solution of the stage
     limits : limits of the product by parameter or group
-    near : fraction of its limit from which a value is a near miss
+    near : fraction of its limit above which a value is a near miss
     """
     fit = solution.temperature
     rows = [] if fit is None else [row for row in fit.up_down if row.parameter in solution.estimated]
@@ -103,9 +102,9 @@ def check_up_down(solution: Solution, limits: Mapping[str, Limit], near: float) 
 def sensor_test(samples: SampleBlock, rate: float) -> list[ModelTest]:
     """Test whether the temperature sensor of a unit follows the air of the chamber from soak to soak.
 
-    A unit that is steady is warmer than the air by its self-heating, and by its time constant times the rate at which
-    it still cools; see `_time_constant`. Returns [] without the temperature of the air, or if the unit is steady at one
-    temperature only. `rate` is the sample rate, Hz.
+    A steady unit is warmer than the air by its self-heating, and by its time constant times its remaining rate of
+    cooling; see `_time_constant`. Returns [] without the temperature of the air, or if the unit is steady at only one
+    temperature. `rate` is the sample rate, Hz.
     """
     width = round(_STEADY_TIME * rate)
     count = len(samples) // max(width, 1)
@@ -139,8 +138,8 @@ def sensor_test(samples: SampleBlock, rate: float) -> list[ModelTest]:
 def _time_constant(differences: FloatArray, rates: FloatArray, airs: FloatArray) -> float:
     """Return the time constant of a unit, s, from the change of its difference from the air within each soak.
 
-    Differences between soaks do not count, because a wrong sensor could cause them. Returns 0 if every soak has one
-    window only.
+    Differences between soaks are not used, because a wrong sensor could cause them. Returns 0 if every soak has only
+    one window.
 
     Parameters
     ----------
@@ -156,9 +155,9 @@ def _time_constant(differences: FloatArray, rates: FloatArray, airs: FloatArray)
 
 
 def _means(values: FloatArray) -> FloatArray:
-    """Return the means of the known values of both halves of windows, shape (n, 2); NaN if none is known.
+    """Return the means of both halves of n windows, shape (n, 2), ignoring NaN; NaN if a half has no value.
 
-    `values` has the shape (n, m); NaN is unknown.
+    `values` has the shape (n, m).
     """
     halves = np.array_split(values, 2, axis=1)
     counts = [np.count_nonzero(~np.isnan(half), axis=1) for half in halves]

@@ -1,8 +1,7 @@
 """Faults of the samples themselves: repeated or lost samples, spikes, wraps, stuck channels, suppressed small values.
 
-They are found before any model of the unit is fitted, from each channel and its neighbouring samples, and from the
-angles of the table. The noise of a channel is measured in windows, from second differences, which motion hardly
-affects.
+They are detected without a model of the unit, from each channel and its neighbouring samples, and from the angles of
+the table. The noise of a channel is measured in windows from second differences, which motion hardly affects.
 """
 
 from collections.abc import Iterator
@@ -23,33 +22,35 @@ _WINDOW = 1.0
 _MEDIAN_OF_SECOND = 0.6745 * 6.0**0.5
 #: Smallest noise of a channel, in steps, because of rounding.
 _ROUNDING = 0.3
-#: Largest probability of repetitions by chance, in a stage; the expected number is multiplied by a factor, because
-#: the repetitions of different channels are not quite independent.
+#: Largest probability that repetitions in a stage occur by chance, for a fault, and factor of their expected number,
+#: because the repetitions of different channels are not quite independent.
 _CHANCE, _DEPENDENCE = 1e-7, 3.0
-#: Number of samples on each side from which a spike is predicted, and number of those that must not deviate.
+#: Number of samples on each side from which a value is predicted, and on each side of a spike that must not deviate.
 _SPIKE_FIT, _SPIKE_NEAR = 4, 10
-#: Smallest spike, in sigmas of the channel's noise, in steps, and relative to the neighbouring deviations.
+#: Smallest spike, in sigmas of the noise of the channel, in steps, and relative to the neighbouring deviations.
 _SPIKE_SIGMAS, _SPIKE_STEPS, _SPIKE_RATIO = 12.0, 4.0, 5.0
-#: Changes of a count by the range of its field, and their largest deviations, before and after the usual change from
-#: sample to sample is subtracted, relative to the range.
+#: Changes of a count by the range of its field, and their largest deviations relative to the range, before and after
+#: the usual change between samples is subtracted.
 _WRAPS, _NEAR_WRAP, _WRAP_TOLERANCE = (2.0**16, 2.0**24, 2.0**32), 0.1, 0.01
-#: Largest change of a channel that does not jump, in sigmas of its noise.
+#: Largest change of a channel that is not a jump, in sigmas of its noise.
 _LARGEST_NOISE = 50.0
-#: Fraction of repeated samples of a channel whose steps exceed its noise.
+#: Fraction of repeated samples above which a channel is coarse: its steps exceed its noise.
 _COARSE = 0.9
-#: Shortest run of one value that is tested, and its smallest rms deviation from the neighbouring samples, in sigmas.
+#: Number of samples in the shortest tested run of one value, and smallest rms deviation of a stuck channel from the
+#: neighbouring samples, in sigmas.
 _STUCK_SAMPLES, _STUCK_SIGMAS = 5, 6.0
-#: Smallest number of windows in which a channel is 0, its smallest noise in others, in steps, or its smallest value.
+#: Dead zone: smallest number of windows in which a channel is 0; smallest noise in other windows, in steps; or smallest
+#: nonzero value, in steps.
 _CONSTANT_WINDOWS, _NOISY, _GAP = 3, 0.7, 10.0
-#: Smallest fraction of the samples near a spike with one value, if a channel keeps this value.
+#: Smallest fraction of equal samples near a spike at which the channel keeps this value.
 _KEPT = 0.7
-#: Smallest number of rests, and smallest variation of the earth rate in sigmas of the rests, for the test of a gyro's
-#: response to it; largest response that counts as none.
+#: Smallest number of rests, and smallest variation of earth rate in sigmas, for the test of a gyro's response to earth
+#: rate; largest response of a gyro in lock-in, as a fraction.
 _MIN_RESTS, _EARTH_SIGMAS, _EARTH_SHARE = 4, 8.0, 0.3
-#: Smallest rotation, rad, that a gyro with a lock-in zone measures.
+#: Smallest rotation measured by a gyro that is tested for lock-in, rad.
 _TURNED = 0.5
-#: Smallest step of a channel that sticks, in steps of its values, smallest fraction of repetitions, and smallest number
-#: of changes.
+#: Stiction: smallest change of a channel, in steps of its values; smallest fraction of repetitions; smallest number of
+#: changes.
 _STICKS, _STICKS_REPEATED, _STICKS_CHANGES = 5.0, 0.5, 20
 
 
@@ -59,7 +60,7 @@ class _Noise:
 
     width: int  #: Number of samples of a window.
     sigma: FloatArray  #: Standard deviation of white noise, counts, shape (w, 6).
-    repeated: FloatArray  #: Fraction of the samples that repeat the value before, shape (w, 6).
+    repeated: FloatArray  #: Fraction of the samples that repeat the preceding value, shape (w, 6).
     step: FloatArray  #: Smallest step of each channel, counts, shape (6,).
 
     def at(self, index: IntArray) -> IntArray:
@@ -70,7 +71,7 @@ class _Noise:
 def sample_test(
     samples: SampleBlock, data: StageData, context: SolveContext, motion: TableMotion | None
 ) -> list[ModelTest]:
-    """Test the samples of a stage, in which the table moves as in `motion`; [] if it is too short."""
+    """Test the samples of a stage with the `motion` of the table; [] if the stage is too short."""
     counts, time = samples.counts[samples.valid], samples.time[samples.valid]
     width = max(round(_WINDOW * context.imu.sample_rate), 20)
     if len(counts) < 3 * width or len(counts) != len(data):
@@ -141,7 +142,7 @@ def _faults(
     motion: TableMotion | None,
     context: SolveContext,
 ) -> Iterator[SampleFault]:
-    """Yield the faults; those that cause others come first."""
+    """Yield the faults; faults that cause others come first."""
     yield from _wraps(counts, broken, noise)
     yield from _repeated_rows(counts, broken, noise)
     yield from _sticking(counts, noise)
@@ -155,7 +156,7 @@ def _faults(
 
 
 def _wraps(counts: FloatArray, broken: BoolArray, noise: _Noise) -> Iterator[SampleFault]:
-    """Yield channels that change by the range of a counter from one sample to the next, while no other one jumps."""
+    """Yield channels that jump by the range of a counter from one sample to the next, while no other channel jumps."""
     change = np.diff(counts, axis=0)
     change[broken[1:]] = 0.0
     for channel in range(counts.shape[1]):
@@ -177,7 +178,7 @@ def _wraps(counts: FloatArray, broken: BoolArray, noise: _Noise) -> Iterator[Sam
 
 
 def _repeated_rows(counts: FloatArray, broken: BoolArray, noise: _Noise) -> Iterator[SampleFault]:
-    """Yield samples that repeat all channels of the sample before, if chance does not explain them."""
+    """Yield samples that repeat all channels of the preceding sample, if chance does not explain them."""
     same = np.concatenate([[False], (np.diff(counts, axis=0) == 0.0).all(axis=1)]) & ~broken
     at = np.flatnonzero(same)
     if not len(at):
@@ -199,7 +200,7 @@ def _repeated_rows(counts: FloatArray, broken: BoolArray, noise: _Noise) -> Iter
 def _deviations(values: FloatArray, broken: BoolArray, count: int) -> FloatArray:
     """Return the smaller deviation of each value from lines through `count` samples before and after, shape (n,).
 
-    A value within a bend lies on one of the lines. It is 0 near a gap.
+    At a bend, a value lies on one of the lines. The deviation is 0 near a gap.
     """
     deviation = np.zeros(len(values))
     before, after = line_weights(-count, -1, 0.0), line_weights(1, count, 0.0)
@@ -238,14 +239,14 @@ def _spikes(counts: FloatArray, broken: BoolArray, noise: _Noise) -> Iterator[Sa
 
 
 def _spike_fault(values: FloatArray, at: IntArray, channel: int, size: float) -> SampleFault:
-    """Return the fault of deviating samples: spikes, or the samples at which a channel leaves a value that it keeps.
+    """Return the fault of deviating samples: spikes, or samples at which a channel leaves its usual value.
 
     A clipped channel leaves its extreme value.
     """
     around = [values[max(k - _SPIKE_NEAR, 0) : k + _SPIKE_NEAR + 1] for k in at.tolist()]
     kept = [float(np.median(near)) for near in around]
     before = values[at[:, None] - np.arange(1, _SPIKE_FIT + 1)]
-    for extreme in (values.max(), values.min()):  # a remainder that is carried over ends a clipped turn
+    for extreme in (values.max(), values.min()):  # a remainder that is carried over ends the clipping
         if np.all(before == extreme) and np.all(values[at + 1] != extreme):
             return SampleFault("clipped", at, channel, float(extreme))
     share = np.median([np.mean(near == value) for near, value in zip(around, kept, strict=True)])
@@ -257,7 +258,7 @@ def _spike_fault(values: FloatArray, at: IntArray, channel: int, size: float) ->
 
 
 def _stuck(counts: FloatArray, broken: BoolArray, noise: _Noise) -> Iterator[SampleFault]:
-    """Yield runs of one value in a channel that its noise, or its motion, contradicts."""
+    """Yield the first run of one value in a channel that the noise or the motion of the channel contradicts."""
     fit = _SPIKE_FIT + 2
     for channel in range(counts.shape[1]):
         values = counts[:, channel]
@@ -267,7 +268,7 @@ def _stuck(counts: FloatArray, broken: BoolArray, noise: _Noise) -> Iterator[Sam
         long = (last - first >= _STUCK_SAMPLES - 1) & (first >= fit) & (last + fit < len(values))
         first, last = first[long], last[long]
         lowest = float(np.quantile(noise.sigma[:, channel], 0.05)) / noise.step[channel]
-        # a value repeats most often if the true one is at the middle of a step
+        # a value repeats most often if the true value is in the middle of a step
         usual = max(float(np.quantile(noise.repeated[:, channel], 0.95)), float(erf(0.5 / (lowest * 2.0**0.5))))
         nearby = [
             noise.repeated[noise.at(np.maximum(at, 0)), channel] for at in (first - noise.width, last + noise.width)
@@ -301,7 +302,7 @@ def _contradicted(values: FloatArray, first: int, last: int, fit: int, sigma: fl
 
 
 def _dead_zones(counts: FloatArray, noise: _Noise) -> Iterator[SampleFault]:
-    """Yield channels that are 0 in windows although they are noisy in others, or that have no small value."""
+    """Yield channels that are 0 in some windows although they are noisy in others, or that have no small values."""
     windows = len(noise.sigma)
     shaped = counts[: windows * noise.width].reshape(windows, noise.width, -1)
     constant = (shaped == 0.0).mean(axis=1) > 0.95
@@ -318,7 +319,7 @@ def _dead_zones(counts: FloatArray, noise: _Noise) -> Iterator[SampleFault]:
 
 
 def _sticking(counts: FloatArray, noise: _Noise) -> Iterator[SampleFault]:
-    """Yield channels that keep their value until it has changed by several steps."""
+    """Yield channels whose value changes only by several steps at once."""
     for channel in range(counts.shape[1]):
         change = np.abs(np.diff(counts[:, channel]))
         moved = change[change > 0.0]
@@ -333,7 +334,7 @@ def _sticking(counts: FloatArray, noise: _Noise) -> Iterator[SampleFault]:
 
 
 def _lock_in(data: StageData, motion: TableMotion, context: SolveContext) -> Iterator[SampleFault]:
-    """Yield gyros whose rates at the rests of the table do not vary with the earth rate, at any heading."""
+    """Yield gyros whose rates at the rests vary much less than earth rate would require at any heading."""
     if not data.has_gyros or len(motion.rests) < _MIN_RESTS:
         return
     imu, earth = context.imu, rotation_rate(context.site.latitude)

@@ -1,4 +1,4 @@
-"""Checks of a station's site: the gyros at rest detect a latitude that differs from the station file."""
+"""Checks of a station's site, whose latitude is compared with that measured by the gyros at rest."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -15,9 +15,9 @@ from procedures import method
 
 
 def unconfirmed_site(meta: LogMeta, solutions: Iterable[Solution]) -> dict[str, float] | None:
-    """Return the site of a recording by another program if a run at it would require a confirmation, otherwise None.
+    """Return the site of a recording by another program if a run there would require its confirmation, otherwise None.
 
-    A run requests this confirmation before recording.
+    A run requests this confirmation before it records.
     """
     context = context_from_meta(meta)
     scale = any("accel_scale_x" in solution.estimated for solution in solutions)
@@ -29,9 +29,9 @@ def unconfirmed_site(meta: LogMeta, solutions: Iterable[Solution]) -> dict[str, 
 
 
 def check_latitude(meta: LogMeta, solutions: Sequence[Solution]) -> list[Check]:
-    """Compare the latitude measured in the latest rests with the file; return [] if it was not measured.
+    """Compare the latitude measured in all rests so far with the file; return [] if it was not measured.
 
-    A wrong latitude is the same in every stage; if the stages contradict each other, a gyro bias has changed.
+    A wrong latitude is the same in every stage; if the stages disagree, a gyro bias has changed.
     """
     measured = _measured_latitude(solutions)
     if measured is None:
@@ -52,7 +52,7 @@ def check_latitude(meta: LogMeta, solutions: Sequence[Solution]) -> list[Check]:
 
 
 def _changed_bias(solutions: Sequence[Solution], latest: LatitudeEstimate) -> Diagnosis | None:
-    """Return a change of a gyro bias as the cause if an earlier stage measured another latitude."""
+    """Return a changed gyro bias as the cause if an earlier stage measured a different latitude."""
     for solution in solutions[:-1]:
         earlier = solution.latitude
         if earlier is not None and latest.contradicts(earlier):
@@ -97,7 +97,7 @@ def latitude_agrees(checks: Iterable[Check]) -> bool:
 
 
 def _is_inverted(solution: Solution) -> bool:
-    """Return whether a stage has rests with the unit upright and inverted: it separates biases and scale factors."""
+    """Return whether a stage has rests with the unit upright and inverted, because it estimates biases and scales."""
     return all(f"accel_{kind}_{axis}" in solution.estimated for kind in ("bias", "scale") for axis in "xyz")
 
 

@@ -1,7 +1,7 @@
 """Comparison of a run of a check standard with its reference values.
 
-Two tests share the probability `FALSE_ALARM` equally, so that together they fail an unchanged station and unit at most
-with this probability. The normalised error of each parameter, Eₙ = (x − x_ref) / √(U² + U_ref²) with U = 2σ (ISO
+Two tests share the probability `FALSE_ALARM` equally, so that together they fail an unchanged station and unit with at
+most this probability. The normalised error of each parameter, Eₙ = (x − x_ref) / √(U² + U_ref²) with U = 2σ (ISO
 13528:2022, 9.7), shows which parameter changed. Its limit is the Bonferroni limit for the largest of n, √χ²₁(1 − p/n) /
 2: with a limit of 1, one of 27 correct values would fail in 71 % of all runs. Hotelling's T² = dᵀ (P + P_ref)⁻¹ d, with
 the covariance P of the run, is χ² with n degrees of freedom for known covariances (D. C. Montgomery, *Introduction to
@@ -30,7 +30,7 @@ FALSE_ALARM = 0.0027
 #: Probability with which a run detects an error of the size of `StandardComparison.detectable`.
 POWER = 0.9
 
-#: Duration of a day and of a year, s.
+#: Durations of a day and a year, s.
 _DAY, _YEAR = 86400.0, 365.25 * 86400.0
 _MOUNTING = frozenset(group_indices("outer_lever"))
 
@@ -55,8 +55,8 @@ def judge_standard(
     """Compare a run of a check standard with its reference.
 
     `estimate` is the estimate of the run that began at `started`. The parameters that are both `determined` by its data
-    and contained in the reference are compared; a run without any of them fails. Other parameters have the large sigma
-    of the prior: they could not fail, but would increase both limits for the others.
+    and contained in the reference are compared; a run without any of them fails. Other parameters have the large
+    sigma of the prior: they could not fail, but would increase both limits for the others.
     """
     names = [name for name in standard.reference if name in determined and INDEX[name] not in _MOUNTING]
     indices = [INDEX[name] for name in names]
@@ -91,7 +91,7 @@ def reference_variances(
 ) -> Mapping[str, FloatArray]:
     """Return the variances of true minus reference values by parameter, SI, for runs at `started`, s since 1970, UTC.
 
-    It is the sum of the variances of the reference and of the unit's change since the date of the reference.
+    A variance is the sum of those of the reference and of the unit's change since the date of the reference.
     """
     years = np.zeros(len(started))
     if standard.date is not None:

@@ -1,4 +1,4 @@
-"""Motion of the table according to its encoders, and the mean outputs of the IMU at rest and between rests."""
+"""Motion of the table from its encoders, and the outputs of the IMU at rest and between rests."""
 
 import itertools
 from dataclasses import dataclass
@@ -8,17 +8,17 @@ import numpy as np
 from calstation.estimation.common import REST_MARGIN, SHORTEST_REST, SolveContext, StageData, mean_angles
 from calstation.physics import FloatArray, IntArray, rotation_vector
 
-#: Time over which an encoder must not move, s, and its largest change in this time, rad.
+#: Time over which the encoders are compared to find rests, s, and largest change of an angle at rest, rad.
 _STILL_TIME, _STILL_ANGLE = 0.25, np.deg2rad(0.02)
 #: Smallest rotation of a joint that is compared with that of the gyros, rad.
 SMALLEST_TURN = np.deg2rad(5.0)
 #: Largest time between two angles of a rest, in units of `_STILL_TIME`.
 _LONGEST_POLL = 4
-#: Largest change of an angle between two of a motion, rad, and largest number of such parts of the motions of a stage.
+#: Largest change of an angle within a part of a motion, rad, and largest number of parts in a stage.
 _LARGEST_PART, _MAX_PARTS = np.deg2rad(45.0), 60
-#: Largest rotation of the other joint relative to that of the only one that moves.
+#: Largest rotation of the other joint relative to that of a joint that moves alone.
 _OTHER_JOINT = 0.02
-#: Smallest number of angles between two rests, and smallest change of one, rad, that show that the motion was cut out.
+#: Smallest number of angles between two rests, and smallest jump of an angle, rad, that show that a motion was cut out.
 _CUT_ANGLES, _CUT_STEP = 20, np.deg2rad(5.0)
 
 
@@ -26,14 +26,15 @@ _CUT_ANGLES, _CUT_STEP = 20, np.deg2rad(5.0)
 class TableMotion:
     """Rests of the table and the motions between them, each without a gap.
 
-    If both joints move at once, the angles at the rests do not define the rotation; `parts` are shorter rotations.
+    If both joints move at once, the angles at the rests do not define the rotation; such motions are divided into
+    parts.
     """
 
     rests: tuple[tuple[int, int], ...]  #: First sample of each rest and the one after its last.
     angles: FloatArray  #: Outer and inner encoder angle at the rests, rad, shape (k, 2).
     force: FloatArray  #: Mean specific force at the rests, m/s², shape (k, 3).
     rate: FloatArray  #: Mean rate at the rests, rad/s, shape (k, 3).
-    links: tuple[tuple[int, int], ...]  #: Indices of the rests before and after each motion.
+    links: tuple[tuple[int, int], ...]  #: Indices of the rests before and after each of m motions.
     joints: tuple[int | None, ...]  #: The only joint that moves in each motion; None if both do.
     rotation: FloatArray  #: Integral of the rate minus its mean at the adjacent rests, rad, shape (m, 3).
     part_angles: FloatArray  #: Angles of the joints at the start and the end of the parts, rad, shape (p, 2, 2).
@@ -93,7 +94,7 @@ def _moved_joint(angles: FloatArray) -> int | None:
 
 
 def _is_cut(angles: FloatArray, dt: float) -> bool:
-    """Return whether a motion was cut out, so that angles, shape (n, 2), polled soon after each other differ by it."""
+    """Return whether a motion was cut out of the recording: angles, shape (n, 2), jump within a short time."""
     polled = np.flatnonzero(np.isfinite(angles).all(axis=1))
     if len(polled) < _CUT_ANGLES:
         return False

@@ -31,8 +31,8 @@ class EffectLimit:
     stage: str  #: As in `EffectEvidence`.
     size: float  #: Size at which χ² reaches its limit, in `unit`; infinite if the innovations do not depend on it.
     unit: str
-    shifted_parameter: str  #: Estimated parameter that this size shifts most.
-    shift: float  #: Shift of this parameter due to this size, in its sigmas.
+    moved: str  #: Estimated parameter that this size shifts most.
+    move: float  #: Shift of this parameter due to this size, in its sigmas.
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ CHANCE = 1e-3
 PLAUSIBLE_RATIOS = (0.75, 1.33)
 #: Smallest angle between the directions of up at different positions, rad.
 OTHER_POSITION = np.deg2rad(10.0)
-#: Confusions of units: assumed unit, actual unit, and the factor that corrects the values.
+#: Confusions of units: actual unit of the values, unit as which they were read, and the factor that corrects them.
 ACCEL_UNITS = (
     ("g", "m/s²", 9.80665),
     ("mg", "m/s²", 9.80665e-3),
