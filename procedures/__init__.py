@@ -18,7 +18,7 @@ def names() -> list[str]:
 
 @cache
 def method(name: str) -> Method:
-    """Return the method with a name. Raises ConfigurationError listing the known methods if there is none."""
+    """Return the method with a name. Raises ConfigurationError with the known methods if there is none."""
     if name not in names():
         raise ConfigurationError("plan.no_such_stage", stage=name, known=names())
     registered: Method = import_module(f"{__name__}.{name}").METHOD

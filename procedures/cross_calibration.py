@@ -1,6 +1,7 @@
 """Cross-calibration of secondary IMUs against a primary IMU on the same body from any common motion.
 
-With the trigger `command`, the whole recording is fitted; with other triggers, only secondaries that fail a check are.
+With the trigger `command`, the whole recording is fitted for every secondary; with other triggers, only the secondaries
+that fail a check are fitted.
 """
 
 from collections.abc import Iterator
@@ -41,8 +42,8 @@ NO_OBSERVATIONS = Consistency(0.0, 0.0, 0.0, 0)
 #: Largest sigma of a value that counts as determined; the limit of the clock offset is half a sample.
 MAX_SIGMA = {"secondary_gyro_matrix": 0.02, "secondary_accel_matrix": 0.02, "secondary_lever": 0.05}
 
-#: Largest change of a value from the first to the second half of the recording, in standard deviations. Due to noise,
-#: one of 28 values exceeds it once in 5,000 recordings.
+#: Largest change of a value from the first to the second half of the recording, in standard deviations. Noise of any of
+#: 28 values exceeds it in 1 of 5,000 recordings.
 MAX_CHANGE = 4.5
 
 
@@ -153,7 +154,7 @@ def _estimates(number: int, calibrated: PairResult, sample_rate: float) -> dict[
     fit = calibrated.fit
     sigma = np.sqrt(np.diag(fit.covariance))
     limits = {**MAX_SIGMA, "clock_offset": 0.5 / sample_rate}
-    # a bias is valid only with the matrix, which is therefore listed even if it was not fitted
+    # a bias is valid only with its matrix, which is therefore listed even if it was not fitted
     fixed = {
         f"secondary_{s}_matrix" for s, bias in (("gyro", GYRO_BIAS), ("accel", ACCEL_BIAS)) if fit.fitted[bias].any()
     }

@@ -1,9 +1,9 @@
 """Excitation: revolutions about y, x, z, then z, x, y in quarter turns with rests; all parameters are estimated.
 
-The inner axis is horizontal while it rotates, so that its rotation is observable from gravity. A joint reverses its
-direction from one revolution to the next, so that its angle is bounded. Every second move is slower, and the rests of
-every second revolution are between two body axes: errors outside the model are observable from a second rate and from
-other components of gravity.
+The inner axis is horizontal while its joint turns, so that the rotation is observable from gravity. A joint reverses
+its direction from one revolution to the next, so that its angle is bounded. Every second move is slower, and in the
+rests of every second revolution, gravity is between two body axes: the second rate and the other components of gravity
+make errors outside the model observable.
 """
 
 from collections.abc import Iterator
@@ -74,10 +74,10 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
 
 def _revolution(limits: JointLimits, joint: int, start_angle: float, way: int) -> tuple[float, int]:
-    """Return the start angle, rad, and direction of a revolution, if possible `start_angle` and `way`.
+    """Return the start angle, rad, and direction of a revolution: `start_angle` and `way`, if possible.
 
-    Otherwise it starts a few quarter turns away or in the other direction, or at the nearest possible angle. Raises
-    ConfigurationError if the travel is too short.
+    Otherwise the revolution starts a few quarter turns away, in the other direction, or at the nearest possible angle.
+    Raises ConfigurationError if the travel is too short.
     """
     last = limits.high[joint] - QUARTERS * QUARTER
     nearest = float(np.clip(start_angle, limits.low[joint], last))
@@ -94,7 +94,7 @@ def _revolution(limits: JointLimits, joint: int, start_angle: float, way: int) -
 
 
 def estimates(context: SolveContext) -> tuple[str, ...]:
-    """Return the names of all 30 parameters, without the outer lever if it is fixed in the table model."""
+    """Return the names of all 30 parameters, without the outer lever arm if the table model fixes it."""
     return tuple(n for n in NAMES if context.table.outer_lever == "estimated" or not n.startswith("outer"))
 
 

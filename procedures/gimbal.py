@@ -1,7 +1,7 @@
 """Gimbal: gyro misalignment from the joint angles of a gimbal that stabilises the unit by its corrected rates.
 
-The misalignment is updated after each turn. Replaying the joint angles of a recording gives the same corrections as the
-run, and a least-squares fit must agree with them.
+The misalignment is updated after each turn. A recording is solved by replaying its joint angles, which gives the same
+corrections as the run; a least-squares fit must agree with them.
 """
 
 import itertools
@@ -43,10 +43,10 @@ from calstation.physics import AXES, CHANNELS, INDEX, NAMES, FloatArray, GimbalT
 from calstation.schema import EntryError
 
 ESTIMATED = tuple(f"gyro_misalign_{pair}" for pair in ("xy", "xz", "yx", "yz", "zx", "zy"))
-#: Largest ratio of the last to the first drift with corrected rates, if the turns should at least halve the drift.
+#: Largest ratio of the last to the first drift with corrected rates; tested if the gain predicts less than half of it.
 MAX_DRIFT_RATIO = 0.7
 #: Largest difference between the iteration and least squares, in sigmas of the iteration. Both use the same samples, so
-#: the variance of their difference is smaller than that of the iteration.
+#: their difference has a smaller variance than the iteration.
 MAX_DIFFERENCE = 4.0
 #: Largest rotation about the other axes in a turn that ends at zero, relative to its rms in other turns.
 MAX_ROTATION_RATIO = 3.0
@@ -151,10 +151,10 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
 def _replayed(
     motions: list[Motion], schedule: Schedule, encoder_sigma: float
 ) -> tuple[GimbalIteration, dict[int, list[Motion]]]:
-    """Reproduce the iteration of the run; return it and the turns of each axis.
+    """Reproduce the iteration of the run; return the iteration and the turns of each axis.
 
     A motion to zero is a turn if the corrected rates contain no rotation about the other axes, and a return if it moves
-    the other joints to zero; the smaller of both deviations in sigmas decides.
+    the other joints to zero; the smaller deviation, in sigmas, decides.
     """
     iteration = schedule.iteration()
     turns: dict[int, list[Motion]] = {}
@@ -232,9 +232,8 @@ def _axis_solution(
 ) -> _AxisSolution:
     """Determine the misalignments of an axis and propagate the noise of every drift through the recursion.
 
-    For a pure rotation, the column of N is parallel to the axis, so that the off-diagonal elements are
-    K = M / (1 + scale). The part of the initial error (from least squares) that remains after the last turn is added to
-    the uncertainty.
+    After convergence, the column of N is parallel to the axis, so the off-diagonal elements are K = M / (1 + scale).
+    The part of the initial error (from least squares) that remains after the last turn is added to the uncertainty.
     """
     noise, name = filter_noise(context), AXES[axis_turns.axis]
     encoder = context.table.encoder_sigma**2

@@ -1,7 +1,7 @@
 """Multi-position: joint calibration of gyros and accelerometers on a simple or manual rig without accurate angles.
 
-Rests and motions are detected in the data. The rotation of every body axis about the horizontal is observable from
-gravity.
+Rests and motions are detected in the data. Rotations about a horizontal axis are observable from gravity; the plan
+contains such rotations about every body axis.
 """
 
 from collections.abc import Iterable, Iterator
@@ -52,13 +52,13 @@ from calstation.physics import (
 
 GROUPS = ("gyro_bias", "gyro_scale", "gyro_misalign", "accel_bias", "accel_scale", "accel_misalign")
 ESTIMATED = tuple(p.name for p in PARAMETERS if p.group in GROUPS)
-#: Beginning of the names of the parameters that rest on a kind of scatter.
-_RESTS_ON = {"force": ("accel",), "turn": ("gyro_scale", "gyro_misalign")}
-#: Largest scatter of the angles of turns of a usable recording, rad: that which a schedule may assume.
+#: Prefixes of the names of the parameters whose sigmas depend on a kind of scatter.
+_DEPENDENT_PREFIXES = {"force": ("accel",), "turn": ("gyro_scale", "gyro_misalign")}
+#: Largest scatter of the angles of turns in a usable recording, rad; also the largest that a schedule may assume.
 MAX_TURN_SCATTER = float(np.deg2rad(10.0))
 #: Outer and inner joint angle, rad.
 Pose = tuple[float, float]
-#: Time in which an operator reads an instruction and releases a rail, s.
+#: Time in which an operator reads an instruction and releases an axis, s.
 READING_TIME = 3.0
 
 
@@ -71,10 +71,10 @@ class Schedule(BaseModel):
     step_deg: float = Field(45.0, ge=15.0, le=120.0)  #: Angle between positions.
     rate_dps: float = Field(20.0, gt=0.0, le=360.0)
     acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0)
-    manual: bool = False  #: Whether an operator turns the rails at about `rate_dps`, guided by the program.
+    manual: bool = False  #: Whether an operator turns the axes at about `rate_dps`, guided by the program.
     shortest_rest_s: float = Field(1.0, ge=0.5, le=60.0)  #: Shortest rest at a position; a shorter one is a pause.
-    #: Scatter of the force at a rest, m/s², and of the angle of a turn, which a recording without redundancy does not
-    #: reveal. The defaults are those of a unit that is turned by hand.
+    #: Scatter of the force at a rest, m/s², and of the angle of a turn, which are assumed for a recording without
+    #: redundancy. The defaults are for a unit that is turned by hand.
     force_scatter: float = Field(0.01, ge=0.0, le=1.0)
     turn_scatter_deg: float = Field(0.3, ge=0.0, le=10.0)
 
@@ -140,7 +140,7 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
     rests = positions(data, still, context)
     estimated = ESTIMATED if data.has_gyros else tuple(n for n in ESTIMATED if n.startswith("accel"))
     mask = np.array([name in estimated for name in NAMES])
-    by_hand = not data.has_angles  # a table does not scatter like a hand
+    by_hand = not data.has_angles  # a table has no such scatter
     assumed = Scatter(by_hand * schedule.force_scatter, 0.0, by_hand * float(np.deg2rad(schedule.turn_scatter_deg)))
     fit = fit_positions(data, rests, links, context, prior, mask, assumed)
     if "turn" not in fit.assumed and fit.scatter.turn > MAX_TURN_SCATTER:
@@ -154,7 +154,7 @@ def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Sc
         gaps=data.gaps,
         details=_details(data, still, rests, links, fit),
         sensitivity=fit.sensitivity,
-        assumed=tuple(name for name in estimated for kind in fit.assumed if name.startswith(_RESTS_ON[kind])),
+        assumed=tuple(name for name in estimated for kind in fit.assumed if name.startswith(_DEPENDENT_PREFIXES[kind])),
         messages=_messages(data, still, links, fit, shortest),
     )
 

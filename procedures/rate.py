@@ -1,8 +1,8 @@
 """Rate: gyro scale factors from whole turns about each gyro axis in both directions, measured by the table encoders.
 
 The mounting, the table axes, the misalignments and the encoder errors at rest are unknowns with a prior. Without
-encoder angles, a whole number of revolutions is verified by equal directions of gravity before and after a turn, or,
-about the vertical, by the prior of the scale factor.
+encoder angles, equal directions of gravity in b before and after a turn verify that it is whole; for a turn about the
+vertical, the prior of the scale factor does.
 """
 
 import itertools
@@ -58,9 +58,9 @@ GROUPS = ("gyro_bias", "gyro_scale", "gyro_misalign")
 SMALLEST_TURN = np.deg2rad(300.0)
 #: Largest deviation of a rotation from a whole number of turns, rad.
 MAX_TURN_DEVIATION = np.deg2rad(5.0)
-#: Smallest sine of the angle between a turn's axis and the vertical for which a turn is verified by gravity.
+#: Smallest sine of the angle between the axis of a turn and the vertical for which gravity verifies the turn.
 MIN_SINE = 0.5
-#: Largest deviation from a whole number for which the number of turns is unambiguous, in turns.
+#: Largest deviation from a whole number at which the number of turns is unambiguous, in turns.
 MAX_UNCERTAIN_TURNS = 0.25
 #: Largest deviation of a turn from a whole turn, in standard deviations.
 MAX_SIGMAS = 3.0
@@ -294,11 +294,11 @@ def _require_turns(turns: list[Turn], gaps: int) -> None:
         raise InsufficientDataError("solve.no_whole_turn", missing=missing, turns=len(turns), gaps_note=note)
 
 
-def _effects(data: StageData, turns: list[Turn], effects: StageEffects, turned: FloatArray) -> FloatArray:
+def _effects(data: StageData, turns: list[Turn], effects: StageEffects, senses: FloatArray) -> FloatArray:
     """Return the contribution of every effect to the integral of the raw rate over each rotation, rad, shape (3 n, k).
 
-    The errors are computed for the whole stage, because they may depend on the motion before a rotation; `turned` is
-    the sense of the last turn before the stage.
+    The errors are computed for the whole stage, because they may depend on the motion before a rotation; `senses` are
+    the senses of the last turns before the stage.
     """
     stride = max(round(EFFECT_INTERVAL / data.dt), 1)
     edges = np.unique([0, len(data), *(k for t in turns for k in (t.start, t.stop))])
@@ -308,7 +308,7 @@ def _effects(data: StageData, turns: list[Turn], effects: StageEffects, turned: 
     rate, force = (np.add.reduceat(x, starts) / sizes[:, None] for x in (data.gyro, data.accel))
     rate -= np.mean([t.rest_rate for t in turns], axis=0)
     time = (data.seq[starts] - data.seq[0] + 0.5 * sizes) * data.dt
-    errors = effects.errors(Motion.steady(rate, force, time, turned), counts)
+    errors = effects.errors(Motion.steady(rate, force, time, senses), counts)
     during = np.searchsorted(edges, [t.start for t in turns])
     durations = np.array([t.duration for t in turns])
     return np.asarray((errors[during, :3] * durations[:, None, None]).reshape(3 * len(turns), -1))

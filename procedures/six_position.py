@@ -1,8 +1,9 @@
 """Six positions: scale factors and biases from the magnitude of gravity with each accelerometer axis up and down.
 
-The faces need not be level: the direction of gravity in b is an unknown at every rest. Six faces determine three scale
-factors and three biases without redundancy. Four oblique positions, the corners of a tetrahedron, are a test: the sum
-of the magnitude of gravity over them depends neither on misalignments nor on biases.
+The axes need not be exactly vertical: the direction of gravity in b is an unknown at every rest. Six positions
+determine three scale factors and three biases without redundancy. Four oblique positions, the corners of a tetrahedron,
+provide a test: the sum of the measured magnitudes of gravity over them depends to first order neither on misalignments
+nor on biases.
 """
 
 from collections.abc import Iterator, Sequence
@@ -45,11 +46,12 @@ from calstation.physics import (
 ESTIMATED = tuple(f"{group}_{axis}" for group in ("accel_scale", "accel_bias") for axis in "xyz")
 #: Groups of parameters on which the force at rest depends.
 GROUPS = ("accel_bias", "accel_scale", "accel_misalign", "accel_quadratic")
-#: Prior sigma of an unknown direction of gravity about the measured one, rad.
+#: Prior sigma of an unknown direction of gravity relative to the measured direction, rad.
 FREE_DIRECTION_SIGMA = 1.0
 #: Body directions that point up in the oblique positions, in order.
 OBLIQUE = ((-1, 1, -1), (-1, -1, 1), (1, -1, -1), (1, 1, 1))
-#: Largest angle between gravity and an axis at a face, rad; other rests are used only in the fit.
+#: Largest angle between the vertical and a body axis at one of the six positions, rad; other rests are used only in the
+#: fit.
 MAX_FACE_ANGLE = np.deg2rad(30.0)
 
 
@@ -101,7 +103,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
 
 def solve(data: StageData, context: SolveContext, prior: Posterior, schedule: Schedule) -> Solution:
-    """Solve the stage from its rests. Raises InsufficientDataError if faces are missing."""
+    """Solve the stage from its rests. Raises InsufficientDataError if one of the six positions is missing."""
     measured_noise = rest_noise(data, context, prior.gyro_bias)
     context = with_measured_noise(context, measured_noise)
     positions = find_positions(data, context, prior)

@@ -1,7 +1,7 @@
 """Temperature: moves at several temperatures, or during ramps; every parameter is a function of the temperature.
 
-At every temperature the table rests until the temperature of each unit, by its own sensor, is steady. A ramp repeats
-the moves from one temperature to the next.
+At every temperature, the table rests until the temperature measured by each unit's sensor is steady. During a ramp from
+one temperature to the next, the moves are repeated.
 """
 
 from collections.abc import Iterator

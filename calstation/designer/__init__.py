@@ -1,6 +1,6 @@
-"""Search for the shortest schedule of the method `designed`, or over temperature, and analysis of hidden effects.
+"""Search for the shortest schedule of the method `designed` or over temperature, and analysis of undetected effects.
 
-It computes the sigmas with the plan and the filter of a run, and does not drive a table.
+The sigmas are computed with the plan and the filter of a run; no table is moved.
 """
 
 from calstation.designer.design import STAGE, Design, DesignRequest, Variation, designed_product, save_product

@@ -1,4 +1,4 @@
-"""The request for a schedule, its limits from table and unit, the resulting schedule, and the product containing it."""
+"""Request for a schedule, permitted speeds, the resulting design, and the product that contains it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ _GYRO_RANGE_FRACTION = 0.8
 _GRAVITY_SIGMAS = 4.0
 #: Suffix of the names of products with a designed stage.
 _NAME_SUFFIX = ", designed"
-#: Checks of the rests in one stage.
+#: Checks that refer to the rests of one stage.
 _REST_CHECKS = ("improvement_at_rest", "level")
 
 #: Angles of the outer and the inner joint, °, and the rest at these angles, s.
@@ -76,7 +76,7 @@ class DesignRequest:
 
     station: Path | None = None  #: Station file; None for the default.
     product: Path | None = None  #: Product file; None for the default.
-    margin: float = 0.8  #: Fraction of its limit that no sigma may exceed.
+    margin: float = 0.8  #: Fraction of its limit that a sigma must not exceed.
     #: Duration of the stage for which the smallest sigmas are searched, s; None for the shortest schedule.
     duration: float | None = None
     as_present: bool = False  #: Whether to match the sigmas of the product's current stages instead of its limits.
@@ -84,7 +84,7 @@ class DesignRequest:
     seed: int = 0
     rate_dps: float | None = None  #: Rate of moves; None for a fraction of the table's limit.
     acceleration_dps2: float | None = None  #: Acceleration of moves; None for a fraction of the table's limit.
-    stop: Path | None = None  #: The search ends with its best result so far once this file exists.
+    stop: Path | None = None  #: File whose existence ends the search with the best result so far.
 
 
 @dataclass(frozen=True)
@@ -111,15 +111,15 @@ class Design(Reached):
     margin: float  #: Fraction of their limits that no sigma exceeds.
     stop_targets: dict[str, float] | None  #: Sigmas at which the stage ends, SI; None for the product's limits.
     present: float | None  #: Duration of the product's current stages, s; None if this table cannot execute them.
-    searched: bool  #: Whether the search found the schedule; otherwise it is a random walk that reaches the targets.
+    searched: bool  #: Whether the search found the schedule; otherwise, it is a random walk that reaches the targets.
     front: tuple[tuple[float, float], ...]  #: Durations, s, and the smallest worst ratio found for each.
     variations: tuple[Variation, ...]
     undetermined: tuple[str, ...]  #: Parameters that the planned moves do not determine, so that a run fails.
-    hidden: tuple[EffectLimit, ...]  #: Size of each effect that the planned moves cannot detect.
+    hidden: tuple[EffectLimit, ...]  #: Size of each effect below which the planned moves cannot detect it.
     rests: tuple[float, ...]  #: Durations of the planned rests, s.
     gravity_rest: float | None  #: Shortest rest, s, suitable for the product's gravity check; None without this check.
     latitude_sigma: float | None  #: Sigma of the latitude measured by the gyros, rad; None if they do not resolve it.
-    noise_seen: float  #: Smallest relative error of the assumed noise that is detected in the innovations.
+    noise_seen: float  #: Smallest relative error of the assumed noise that the innovations reveal.
     seconds: float  #: Duration of the search, s.
 
     def schedule(self) -> dict[str, Any]:
@@ -129,7 +129,7 @@ class Design(Reached):
             "rate_dps": self.rate_dps,
             "acceleration_dps2": self.acceleration_dps2,
             "stop_at_limits": stops,
-            "least_moves": self.planned,  # by which the duration of a run is planned
+            "least_moves": self.planned,  # determines the planned duration of a run
         }
         if stops:
             values["margin"] = round(self.margin, 4)

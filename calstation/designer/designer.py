@@ -34,10 +34,10 @@ from procedures import method
 
 #: Largest angle of a joint from home, °, even if its travel is longer, because of cables and the time to return.
 _MAX_ANGLE_DEG = 360.0
-#: Angles by which a joint turns in a move, in lattice units, if the travel allows a full turn and if it does not.
+#: Angles by which a joint turns in a move, in lattice units, if the travel permits a full turn, and otherwise.
 _TURNS, _SHORT_TURNS = (-8, -4, -2, -1, 0, 1, 2, 4, 8), (-6, -4, -3, -2, -1, 0, 1, 2, 3, 4, 6)
-#: Widths of consecutive beams, of which the first gives a result quickly and the last is repeated, and the number of
-#: beams if there is no time limit.
+#: Widths of successive beams: the first gives a result quickly, and the last is repeated; number of beams without a
+#: time limit.
 _WIDTHS, _BEAMS = (6, 24, 48, 96, 192), 2
 #: Width of the beam that adds the reserve.
 _RESERVE_WIDTH = 8
@@ -49,13 +49,13 @@ _CORRECTIONS = 4
 _MAX_DETECTION_RATIO = 1.02
 #: Number of rests used by the product's gravity check.
 _GRAVITY_RESTS = 3
-#: Fractions of the work that are done before the first beam, before the reserve, and before the verification.
+#: Fractions of the work completed before the first beam, the reserve and the verification.
 _PROBE_END, _SEARCHED, _RESERVED = 0.02, 0.9, 0.95
 #: Factor by which each step of the search for the smallest sigmas reduces the targets, and the number of steps.
 _TARGET_REDUCTION, _STEPS = 0.95, 8
-#: Factor that makes the targets of the first beam of this search unreachable.
+#: Factor of the targets of the first beam of this search, which makes them unreachable.
 _UNREACHABLE_FACTOR = 0.05
-#: Factor on the targets that compensates for the difference between segments and filter.
+#: Factor of the targets that compensates for the difference between segments and filter.
 _TARGET_TIGHTENING = 0.97
 #: Longest duration of a schedule with its reserve, as a multiple of the schedule's duration.
 _MAX_DURATION_RATIO = 4.0
@@ -134,7 +134,7 @@ class _Designer:
         return targets
 
     def _determined_sigmas(self, prior: FloatArray) -> dict[int, float]:
-        """Return the sigmas at which parameters are determined, by their index, if they are below the target sigmas."""
+        """Return the sigmas at which parameters are determined, by index, where these are below the target sigmas."""
         names, sigmas = method(STAGE).estimates(self._context), self._request.margin * OBSERVABLE * prior
         return {
             i: float(sigmas[i]) for i, name in enumerate(NAMES) if name in names and 0.0 < sigmas[i] < self._goal[i]
@@ -231,9 +231,9 @@ class _Designer:
         )
 
     def _min_moves(self, stops: Stops) -> int:
-        """Return the number of moves that every run executes, because its limits do not include what they reveal.
+        """Return the number of moves that every run executes, for requirements that its sigma limits do not cover.
 
-        They detect the product's effects, determine every parameter, and contain enough rests for the gravity check.
+        These moves detect the product's effects, determine every parameter, and contain the rests of the gravity check.
         """
         problem, ends = self._problem(), np.array(states(self._library, stops))
         reveals = np.all(problem.ratios(ends)[:, COUNT:] <= _MAX_DETECTION_RATIO, axis=1)
@@ -267,7 +267,7 @@ class _Designer:
         return durations(self._library, stops)[-1]
 
     def _refuse_unreachable(self, ratios: FloatArray) -> Never:
-        """Raise the error for targets that are not reached within an hour, given the ratios of the sigmas."""
+        """Raise the error for targets that are not reached within an hour; `ratios` are as in `Problem.ratios`."""
         parameter = int(np.argmax(ratios[:COUNT]))
         if ratios[parameter] > 1.0:
             self._refuse("design.unreachable", parameter, float(ratios[parameter] * self._goal[parameter]))
@@ -309,7 +309,7 @@ class _Designer:
         yield from self._exchanged(problem, result, number)
 
     def _exchanged(self, problem: Problem, stops: Stops, number: int, longest: float | None = None) -> Iterator[Stops]:
-        """Yield the result of exchanges in a schedule, see `Exchange`, if it reaches the targets."""
+        """Yield the schedule improved by exchanges, see `Exchange`, if it reaches the targets."""
         exchange = Exchange(problem, stops, self._request.seed + number, longest)
         for share in exchange.run(_EXCHANGES):
             self._progress(number, 0.6 + 0.4 * share, exchange.time)
@@ -321,7 +321,7 @@ class _Designer:
             yield exchange.best
 
     def _present_stops(self, problem: Problem) -> Stops | None:
-        """Return the planned moves of a product with only this stage; None if the search does not have such moves."""
+        """Return the planned moves of a product with only this stage; None if the search does not permit them."""
         if self._product.stages != [STAGE]:
             return None
         schedule = method(STAGE).schedule(**self._product.schedule.get(STAGE, {})).model_dump()
@@ -340,10 +340,11 @@ class _Designer:
         return problem.margin * float(problem.ratios(states(self._library, stops)[-1][None])[0, :COUNT].max())
 
     def _complete_front(self, duration: float, worst: float) -> Front:
-        """Return the front of complete schedules, of which none is better than the result with this duration and ratio.
+        """Return the front of complete schedules, excluding those that seem better than the result.
 
-        A beam adds schedules without the long rests of the gravity check, whose sigmas differ slightly from those of
-        the filter, so that some seem to reach the limits earlier, or smaller ratios in the same time.
+        The schedules of a beam lack the long rests of the gravity check, and their sigmas differ slightly from those of
+        the filter, so that some seem to reach the limits earlier, or smaller ratios in the same time. `duration` and
+        `worst` are the duration, s, and the ratio of the result.
         """
         problem, front = self._problem(), Front()
         for _, _, stops in self._front.points():
@@ -356,7 +357,7 @@ class _Designer:
 
     @property
     def _remaining(self) -> float | None:
-        """Remaining time with the verification, s; None for a search without a time limit."""
+        """Remaining time including the verification, s; None for a search without a time limit."""
         limit = self._request.time_limit
         return None if limit is None else max(limit / _SEARCHED - (time.monotonic() - self._start_time), 0.0)
 

@@ -1,7 +1,7 @@
 """Prediction of the sigmas over temperature.
 
-The information of cycles of moves is that of a solution of noise-free samples. With the polynomials at the temperatures
-of the unit, it gives the joint covariance of the coefficients, and from it the sigmas over the range.
+The information of cycles of moves is computed by solving noise-free samples. It determines the joint covariance of the
+polynomial coefficients for given temperatures of the unit, and hence the sigmas over the range.
 """
 
 from collections.abc import Sequence
@@ -18,9 +18,10 @@ from calstation.sequencer import step_time
 from procedures import method
 
 _STAGE = "temperature"
-#: Assumed orders where the data determine them: biases and scale factors, and the other groups without the levers.
+#: Assumed orders of groups whose order the data will determine: biases and scale factors, and other groups without
+#: lever arms.
 _HIGH, _LOW = 4, 2
-#: Rest before the moves that is solved with them, s.
+#: Duration of the end of a soak that is solved together with the moves, s.
 _BEFORE = 20.0
 #: Assumed mounting error about each axis, in multiples of the profile's mount sigma.
 _MOUNT = 0.3
@@ -65,7 +66,7 @@ class Prediction:
         ----------
         visits : temperature, °C, and its rate, K/s, of every solution
         cycles : number of cycles of a solution
-        after_soak : whether the end of a soak precedes them
+        after_soak : whether the end of a soak precedes each solution's moves
         """
         model, posterior = self._model, self.posterior(cycles, after_soak=after_soak)
         points = with_ways([TemperaturePoint(t, rate, 0.0, "soak", 0, 0, self._prior, posterior) for t, rate in visits])
@@ -92,9 +93,10 @@ def with_assumed_orders(model: TemperatureModel) -> TemperatureModel:
 
 
 def optimal_nodes(count: int) -> FloatArray:
-    """Return the nodes in [-1, 1] that minimise the largest sigma of a polynomial of `count` coefficients.
+    """Return the nodes in [-1, 1] that minimise the largest sigma of a polynomial with `count` coefficients.
 
-    In [-1, 1], no sigma of the polynomial then exceeds that of a measurement (Guest, Ann. Math. Stat. 29, 1958).
+    The sigma of the polynomial then nowhere in [-1, 1] exceeds that of a measurement (Guest, Ann. Math. Stat. 29,
+    1958).
     """
     inner = np.polynomial.legendre.Legendre.basis(count - 1).deriv().roots()
     return np.concatenate([[-1.0], np.sort(inner.real), [1.0]])

@@ -1,8 +1,8 @@
-"""Search for the shortest schedule that reaches target sigmas, by a beam search and then exchanges of single moves.
+"""Search for the shortest schedule that reaches target sigmas, by a beam search followed by exchanges of single moves.
 
 Every node of the beam is a schedule that ends at a time and a position; among schedules that end at about the same
-time, only the best are continued. They are compared by the sum of the positive ln(sigma / target) over the parameters.
-The exchanges then change, insert, remove or swap moves and rests (simulated annealing).
+time, only the best are continued. Schedules are compared by the sum of the positive ln(sigma / target) over the
+parameters. The exchanges then change, insert, remove or swap moves and rests (simulated annealing).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,9 +28,9 @@ FIRST_REST = 12
 #: Number of moves of the random walk that determines which targets are reachable, and its longest duration, s.
 _WALK, _MAX_WALK_DURATION = 30, 3600.0
 #: Rests of the walks, in units of `REST_UNIT`. Long rests favour the accelerometers, and many moves the gyros. Every
-#: walk is also tried with only the faces of the body, which favour the scale factors.
+#: walk is also tried with turns by multiples of 90° only, which favour the scale factors.
 _WALK_RESTS = ((2, 10, 40), (40, 60), (120,))
-#: Size in its sigmas at which an effect is expected to fail its test.
+#: Size of an effect, in its sigmas, at which its test is expected to fail.
 DETECTION = float(np.sqrt(MAX_EXCESS + 1.0))
 #: Number of schedules evaluated per exchange step.
 _BATCH = 48
@@ -69,7 +69,7 @@ class Problem:
     def ratios(self, information: FloatArray) -> FloatArray:
         """Return the ratios of n schedules to their targets, shape (n, 30 + k + d), from their information.
 
-        They are the ratios of the sigmas, of the size of each effect that is detected to the required one, and of the
+        They are the ratios of sigmas to targets, of the detectable to the required size of each effect, and of the
         sigmas to those at which parameters are determined.
         """
         sigma, size_sigma, error = precision(information, self.library.states)
@@ -349,7 +349,7 @@ class Exchange:
     problem : permitted moves and target sigmas
     stops : the schedule
     seed : seed of the random changes
-    longest : longest duration of the result, s, if the schedule does not reach all targets; None for its own duration
+    longest : longest duration of the result, s, if the schedule does not reach all targets; None for its duration
     """
 
     def __init__(self, problem: Problem, stops: Stops, seed: int, longest: float | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Information matrices of moves and rests, which are computed once with a run's filter and then joined to schedules."""
+"""Information matrices of moves and rests, computed once with the filter of a run and then joined to schedules."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ LATTICE_DEG = 45.0
 REST_UNIT = 0.5
 _LATTICE: Final = np.deg2rad(LATTICE_DEG)
 _TURN = round(360.0 / LATTICE_DEG)
-#: Duration of the rest with which the filter starts before a segment, s.
+#: Duration of the rest before a segment, in which the filter starts, s.
 _BEGIN = 2.0
 
 #: Angles of outer and inner joint, in units of the lattice.

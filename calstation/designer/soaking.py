@@ -16,7 +16,7 @@ from calstation.physics import Dwell, FloatArray, Move, Ramp, Soak, Step
 from calstation.records import Log
 from calstation.sequencer import step_time
 
-#: Assumed delay of the air behind the set point of a soak, s.
+#: Assumed delay of the air after a change of the set point, s.
 _LAG = 60.0
 #: Interval of the temperatures from which the properties of a unit are measured, s, and bounds of its time constant, s.
 _INTERVAL, _TIME_CONSTANTS = 2.0, (5.0, 20_000.0)
@@ -75,7 +75,7 @@ def course_of(steps: Iterable[Step], cycle: int, thermal: Thermal, settle: float
 
 
 class _Air:
-    """The air of a chamber on its way to a target, °C, at a rate, K/s, and the unit in it."""
+    """The air of a chamber, whose temperature approaches a target, °C, at a rate, K/s, and the unit in it."""
 
     def __init__(self, thermal: Thermal) -> None:
         self._thermal = thermal
@@ -83,14 +83,14 @@ class _Air:
         self.target, self.rate = thermal.ambient, thermal.rate
 
     def advance(self, seconds: float) -> None:
-        """Let time pass."""
+        """Advance the time by `seconds`."""
         way = self.target - self._air
         moving = min(abs(way) / self.rate, seconds)
         self._step(moving, self.rate if way > 0.0 else -self.rate)
         self._step(seconds - moving, 0.0)
 
     def _step(self, seconds: float, slope: float) -> None:
-        """Let time pass while the air changes by `slope`, K/s."""
+        """Advance the time by `seconds`, during which the air changes by `slope`, K/s."""
         tau, decay = self._thermal.time_constant, exp(-seconds / self._thermal.time_constant)
         lag = self._lag * decay - slope * tau * (1.0 - decay)
         self._air += slope * seconds
@@ -99,11 +99,11 @@ class _Air:
 
     @property
     def _lag(self) -> float:
-        """Difference of the unit from its final temperature in this air, K."""
+        """Difference of the unit from its steady-state temperature in the present air, K."""
         return self.unit - self._air - self._thermal.self_heating
 
     def soak(self, step: Soak) -> float:
-        """Go to a temperature at the largest rate and wait until the unit is steady; return the duration, s."""
+        """Change to a temperature at the largest rate and wait until the unit is steady; return the duration, s."""
         begin = self.time
         self.advance(_LAG)
         self.target, self.rate = step.temperature, self._thermal.rate
@@ -115,7 +115,7 @@ class _Air:
 
 
 def _slope_over(period: float, time_constant: float) -> float:
-    """Return the least-squares slope over a period, s, of an exponential that begins at 1, 1/s."""
+    """Return the magnitude of the least-squares slope, 1/s, over a period, s, of a decay that starts at 1."""
     h = period / time_constant
     moment = (1.0 - exp(-h) * (1.0 + h)) / h**2 - (1.0 - exp(-h)) / (2.0 * h)
     return -12.0 * moment / period
@@ -124,7 +124,7 @@ def _slope_over(period: float, time_constant: float) -> float:
 def measured_thermal(recording: Log) -> tuple[float, float]:
     """Return time constant, s, and self-heating, K, of a unit from a log with the temperature of the chamber's air.
 
-    Raises InputError if the log has no such temperature, or if it changes too little.
+    Raises InputError if the log does not contain the air temperature, or if it changes too little.
     """
     columns: list[FloatArray] = []
     for block in recording.blocks():
@@ -139,7 +139,7 @@ def measured_thermal(recording: Log) -> tuple[float, float]:
     air, unit = np.interp(grid, time, air), np.interp(grid, time, unit)
 
     def fitted(tau: float) -> tuple[float, float]:
-        """Return the self-heating and the sum of squares of the residuals; the unit may begin at any temperature."""
+        """Return the self-heating and the sum of squares of the residuals; the unit may start at any temperature."""
         decay = exp(-_INTERVAL / tau)
         share = (1.0 - decay) * tau / _INTERVAL  # air is linear between two temperatures
         lagging = lfilter([1.0 - share, share - decay], [1.0, -decay], air - air[0])

@@ -34,7 +34,7 @@ class ShorterStages(Reached):
     present: float  #: Duration of the product's current stages, s.
     gravity_rest: float | None  #: Shortest rest, s, suitable for the product's gravity check; None without this check.
     seconds: float  #: Duration of the search, s.
-    #: Parameters that the stages do not determine, so that every run fails; those of the current stages, too.
+    #: Parameters that the stages, like the current stages, do not determine, so that every run fails.
     undetermined: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
@@ -74,7 +74,7 @@ class _Shortening:
         self._report, self._request = report, request
         self._start_time = time.monotonic()
         self._run = RunRequest(SERIAL, request.station, request.product, out=Path("nowhere"))
-        #: Factor on the limits, because the current stages reach their own sigmas except for rounding errors.
+        #: Factor of the limits; with `as_present`, it allows for rounding errors.
         self._margin = 1.0 + 1e-9 if request.as_present else request.margin
         setup = load_configuration(self._run)
         check_manual_rig(setup)
@@ -91,7 +91,7 @@ class _Shortening:
         self._limits = np.where(estimated, required, np.inf)
 
     def run(self) -> ShorterStages:
-        """Reduce one value at a time, beginning with the reduction that saves the most time."""
+        """Reduce one value at a time, starting with the reduction that saves most time."""
         fields = {stage: {field.name for field in schedule_fields(stage)} for stage in self._schedules}
         values: Values = {
             stage: {name: speed for name, speed in self._speeds.items() if name in names}

@@ -33,20 +33,20 @@ from procedures import method
 _STAGE = "temperature"
 #: Assumed time constant of a unit, s.
 TIME_CONSTANT = 600.0
-#: Number of temperatures in addition to the order of the polynomial, of which one tests the order; smallest number of
+#: Number of temperatures minus the order of the polynomial, which includes one to test the order; smallest number of
 #: temperatures.
 _BEYOND_ORDER, _LEAST = 2, 3
-#: Largest numbers of cycles at a temperature and of further temperatures.
+#: Largest number of cycles at a temperature, and largest number of additional temperatures.
 _MAX_CYCLES, _MAX_FURTHER = 16, 6
-#: Largest distance of a set point from the end of the range, K, and factor by which the longest soak is extended.
+#: Largest difference of a set point from the required one, K, and factor by which the longest soak is extended.
 _TOLERANCE, _RESERVE = 2.0, 1.5
-#: Smallest distance of a temperature from one that is held out, K.
+#: Smallest distance of a temperature from a held-out temperature, K.
 _APART = 5.0
-#: Largest rate of a ramp, relative to the largest rate of the chamber, which needs a reserve; and all tried rates,
-#: relative to this one.
+#: Largest rate of a ramp relative to the largest rate of the chamber, for which it leaves a reserve; and the tried
+#: rates relative to this rate.
 _FASTEST, _RATES = 0.8, (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1, 0.05)
-#: Rate below which a unit is steady between two ramps, relative to that of the ramps, and its largest distance from the
-#: end of the range then, K.
+#: Rate below which a unit is steady between two ramps, relative to the rate of the ramps, and largest distance of the
+#: unit from its final temperature at this rate, K.
 _STEADY, _SHORT = 0.1, 1.5
 
 
@@ -67,7 +67,7 @@ class TemperatureDesign:
 
     soak: TemperatureSchedule
     ramp: TemperatureSchedule
-    fewer: TemperatureSchedule | None  #: With two temperatures less and the same moves; None if too few.
+    fewer: TemperatureSchedule | None  #: With two temperatures fewer and the same moves; None if too few.
     more: TemperatureSchedule  #: With two temperatures more and the same moves.
     is_ramp: bool  #: Whether the ramp is chosen.
     margin: float
@@ -76,17 +76,17 @@ class TemperatureDesign:
 
     @property
     def chosen(self) -> TemperatureSchedule:
-        """The schedule that is written."""
+        """The schedule that is written to the product."""
         return self.ramp if self.is_ramp else self.soak
 
     @property
     def duration(self) -> float:
-        """Time in the chamber with the schedule that is written, s."""
+        """Time in the chamber with the chosen schedule, s."""
         return self.chosen.course.duration
 
     @property
     def worst(self) -> float:
-        """Largest sigma over the range with this schedule, relative to its limit."""
+        """Largest sigma over the range with the chosen schedule, relative to its limit."""
         return self.chosen.worst
 
     @property
@@ -136,7 +136,7 @@ def design_temperature(
     ----------
     report : callback for the progress
     request : product, station, margin and speeds
-    time_constant : that of the temperature of the unit in the air of the chamber, s
+    time_constant : time constant of the unit's temperature in the air of the chamber, s
     self_heating : steady-state difference of the unit from the air, K
     """
     with one_blas_thread():
@@ -146,7 +146,7 @@ def design_temperature(
 def unit_properties(
     measured: Log | None, time_constant: float | None, self_heating: float | None
 ) -> tuple[float, float]:
-    """Return the time constant of a unit, s, and its self-heating, K: the stated, the measured, or the assumed ones.
+    """Return the time constant of a unit, s, and its self-heating, K: the stated, measured or assumed values.
 
     Raises InputError if the log does not determine them.
 
@@ -251,9 +251,9 @@ class _Designer:
         return schedule.worst <= self._margin
 
     def _is_shorter(self, ramp: TemperatureSchedule, soak: TemperatureSchedule) -> bool:
-        """Return whether a ramp is preferred, which the product must state.
+        """Return whether a ramp is shorter and the product contains one.
 
-        Effects of a changing temperature, such as a hysteresis, may not agree with the model at any useful rate.
+        At useful rates, effects of a changing temperature, such as hysteresis, may not agree with the model.
         """
         return self._values["ramp_c_per_min"] is not None and ramp.course.duration < soak.course.duration
 
@@ -289,7 +289,7 @@ class _Designer:
         return self._result(self._schedule(points, cycles), cycles, len(temperatures))
 
     def _tour(self, rising: Sequence[float]) -> list[float]:
-        """Return set points from the reference to the low end, over all of them, and back to the reference."""
+        """Return set points: the reference, all points in ascending order, and the reference again."""
         reference = self._set_point(self._model.reference)
         return [point for point, _ in itertools.groupby([reference, *rising, reference])]
 
@@ -307,8 +307,8 @@ class _Designer:
     def _temperatures(self, count: int) -> FloatArray:
         """Return `count` temperatures over the range, ends and reference included, °C.
 
-        They minimise the largest sigma of a polynomial with this number of coefficients, and are then shifted so that
-        one is the reference and none is close to a held-out temperature.
+        They minimise the largest sigma of a polynomial with `count` coefficients, and are then shifted so that one of
+        them is the reference, and none is close to a held-out temperature.
         """
         (low, high), reference = self._model.range, self._model.reference
         temperatures = low + (high - low) * 0.5 * (1.0 + optimal_nodes(count))
@@ -323,7 +323,7 @@ class _Designer:
         return temperatures
 
     def _ramp(self) -> TemperatureSchedule:
-        """Return the fastest ramp that meets the limits, or the slowest one."""
+        """Return the fastest ramp that meets the limits, otherwise the slowest ramp."""
         points, chamber = self._tour(self._ends), 60.0 * self._thermal.rate
         largest = min(self._values["ramp_c_per_min"] or _FASTEST * chamber, chamber)
         for share in _RATES:

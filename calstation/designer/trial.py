@@ -20,7 +20,7 @@ from procedures import method
 
 Moves = Sequence[tuple[float, float, float]]
 
-#: Factor on the profiles' noise with which a schedule must still reach its targets.
+#: Factor of the profiles' noise at which a schedule must still reach its targets.
 NOISE_FACTOR = 1.5
 #: Assumed mounting error about each axis, in multiples of the profile's mount sigma.
 _MOUNT = 0.3
@@ -94,7 +94,8 @@ class Trial:
     def solve(self, moves: Moves) -> tuple[Solution, tuple[str, ...], tuple[EffectLimit, ...]]:
         """Solve the moves as in a run.
 
-        Also return the parameters that the moves do not determine, and the size of each effect that they cannot detect.
+        Also return the parameters that the moves do not determine, and the size of each effect below which they do not
+        detect it.
         """
         chain = StageChain(self._meta)
         chain.start(STAGE)
@@ -106,10 +107,10 @@ class Trial:
         return solution, tuple(names), self._hidden(blocks)
 
     def _hidden(self, blocks: Sequence[SampleBlock]) -> tuple[EffectLimit, ...]:
-        """Return the undetectable size of every constant effect, and of every group that may drift.
+        """Return the detection limit of every constant effect, and of every parameter group that may drift.
 
-        Of several components, it is that of the one that causes the largest error.
-        The noise is that of the profiles, because the samples are free of noise.
+        Of several components, the one that causes the largest error is returned. The noise is that of the profiles,
+        because the samples are noise-free.
         """
         names = method(STAGE).estimates(self._context)
         mask = np.array([name in names for name in NAMES])
@@ -122,7 +123,7 @@ class Trial:
         largest: dict[tuple[str, str], EffectLimit] = {}
         for limit in tests.limits(solution.posterior, MAX_EXCESS + 1.0):
             key = limit.cause, limit.parameter.rpartition("_")[0]
-            if not limit.stage and (key not in largest or limit.shift > largest[key].shift):
+            if not limit.stage and (key not in largest or limit.move > largest[key].move):
                 largest[key] = limit
         return tuple(largest.values())
 

@@ -147,7 +147,7 @@ def _lines(design: Design, out: Path) -> Iterator[str]:
     for limit in design.hidden:
         size, unit = display_by_unit(limit.unit, limit.size)
         name = " ".join(filter(None, (limit.cause, limit.component, limit.parameter)))
-        moved = say("cli.design_moves", sigmas=limit.shift, parameter=limit.shifted_parameter)
+        moved = say("cli.design_moves", sigmas=limit.move, parameter=limit.moved)
         yield f"  {name:<40} {size:>10.3g} {unit:<16} {moved}"
     yield say("design.written", path=out)
 

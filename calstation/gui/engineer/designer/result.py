@@ -190,9 +190,9 @@ def _headline(design: Design) -> str:
     limiting = say("engineer.design_limiting_random" if too_long else "engineer.design_limiting", **worst)
     if design.undetermined:
         limiting = f"{say('engineer.undetermined', names=design.undetermined)}\n{limiting}"
-    hidden = max((limit for limit in design.hidden if np.isfinite(limit.size)), key=lambda h: h.shift, default=None)
-    if hidden is not None and hidden.shifted_parameter in INDEX:
-        limiting += " " + say("engineer.design_hides", shift=hidden.shift, parameter=hidden.shifted_parameter)
+    hidden = max((limit for limit in design.hidden if np.isfinite(limit.size)), key=lambda h: h.move, default=None)
+    if hidden is not None and hidden.moved in INDEX:
+        limiting += " " + say("engineer.design_hides", shift=hidden.move, parameter=hidden.moved)
     return f"{first}\n{limiting}"
 
 
@@ -246,7 +246,7 @@ def _variation_cells(design: Design) -> dict[str, dict[str, str]]:
 def _hidden_cells(design: Design) -> dict[str, dict[str, str]]:
     """Return the rows of the effects, in descending order of the parameter shift that they cause."""
     cells = {}
-    for number, limit in enumerate(sorted(design.hidden, key=lambda limit: -limit.shift)):
+    for number, limit in enumerate(sorted(design.hidden, key=lambda limit: -limit.move)):
         if limit.parameter:
             effect = say("engineer.design_drift", parameter=limit.parameter)
             size, unit = display(limit.parameter, limit.size)
@@ -258,8 +258,8 @@ def _hidden_cells(design: Design) -> dict[str, dict[str, str]]:
             "effect": effect,
             "size": plain_number(size, ".3g") if detectable else "∞",
             "unit": unit,
-            "parameter": parameter_text(limit.shifted_parameter) if limit.shifted_parameter in INDEX else _NONE,
-            "shift": f"{limit.shift:.1f}" if detectable else _NONE,
+            "parameter": parameter_text(limit.moved) if limit.moved in INDEX else _NONE,
+            "shift": f"{limit.move:.1f}" if detectable else _NONE,
         }
     return cells
 
