@@ -1,6 +1,6 @@
-"""The solver chain, solving of logs, results, history and hand-over, without devices and estimators.
+"""Solver chain, solving of logs, results, history and hand-over; uses no devices and contains no estimators.
 
-The package has more than 15 modules, one for each way to create, read or pass on a result.
+The package has more than 15 modules, one for each way to create, read or deliver a result.
 """
 
 from calstation.estimation.common import CREEP, EXCESSIVE, NOTABLE, PositionResidual

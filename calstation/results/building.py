@@ -34,8 +34,8 @@ class Ending:
 
     verdict: Verdict
     log_file: str
-    facts: LogFacts  #: Of the samples that were solved.
-    part: bool = False  #: Whether they are a part of the log.
+    facts: LogFacts  #: Facts of the samples that were solved.
+    part: bool = False  #: Whether these samples are a part of the log.
     registers: Mapping[str, Any] | None = None  #: Registers as in the result JSON.
     error: CalstationError | None = None
     stop_reason: str | None = None  #: Source of the stop of a stopped run.
@@ -45,7 +45,7 @@ class Ending:
     ended_utc: str | None = None  #: Time of the verdict on a run, ISO 8601.
     table: Mapping[str, TableQuantity] | None = None  #: Geometry of the table, see `StageChain.table`.
     solved_again: bool = False  #: Whether a log was solved again.
-    ended_by_hand: Sequence[str] = ()  #: Stages of the log, see `calstation.records.stages_ended_by_hand`.
+    ended_by_hand: Sequence[str] = ()  #: Result of `calstation.records.stages_ended_by_hand`.
 
 
 def build_result(
@@ -113,7 +113,7 @@ def build_result(
 
 
 def stated_by_log(meta: LogMeta, facts: LogFacts) -> dict[str, Any]:
-    """Return the entries of a result that follow from the configuration and the samples of its log; None if unknown."""
+    """Return the entries of a result that the configuration and samples of its log determine; None if unknown."""
     run = meta.run
     stated = run.model_dump() if run else {}
     return {

@@ -27,11 +27,11 @@ class Calibration:
     registers: Mapping[str, float]  #: Registers that the run wrote, SI, by parameter.
 
     def prior(self, setup: RunConfiguration, meta: LogMeta) -> LogMeta:
-        """Return the configuration `meta` of a partial run of this unit with the calibration as its prior.
+        """Return `meta`, the configuration of a partial run of this unit, with the calibration as its prior.
 
-        The covariance is increased by the stability in the IMU profile. If the registers are applied to the stream, the
-        prior contains the remaining errors after their correction. The outer lever depends on the mounting and keeps
-        the prior in `meta`.
+        The covariance is increased according to the stability in the IMU profile. If the registers are applied to the
+        stream, the prior contains the errors that remain after their correction. The outer lever arm depends on the
+        mounting and keeps the prior in `meta`.
         """
         run = meta.run
         if run is None:
@@ -60,10 +60,10 @@ class Calibration:
 def current_calibration(
     history: History, setup: RunConfiguration, registers_read: Mapping[str, float] | None
 ) -> tuple[Calibration | None, Message]:
-    """Return the unit's latest calibration with verified registers that equal its current ones, and a message about it.
+    """Return the unit's latest calibration whose verified registers equal the current ones, and a message about it.
 
-    `registers_read`, the unit's current registers by parameter, SI, must equal the stored values. With None, as in a
-    preview, they are assumed to be those of the latest calibration. Without a calibration, return None and the reason.
+    `registers_read` are the unit's current registers by parameter, SI. With None, as in a preview, they are assumed to
+    be those of the latest calibration. Without a calibration, return None and the reason.
     """
     entries, serial, imu = setup.register_map, setup.request.serial, setup.log_meta().imu
     reason = Message("prior_no_calibration", {"serial": serial})
@@ -76,7 +76,7 @@ def current_calibration(
             continue
         if registers is None or not registers.verified or not registers.new or registers.estimate is None:
             continue
-        if not same_imu or result.temperature is not None:  # at an unknown temperature, polynomials give no prior
+        if not same_imu or result.temperature is not None:  # the temperature of the new run is unknown
             continue
         if registers_read is not None and entries.differing_parameters(registers.new, registers_read):
             reason = Message("prior_other_registers", {"serial": serial})

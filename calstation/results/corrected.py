@@ -38,7 +38,7 @@ class CorrectedStream:
         self.source: str | None = None  #: Name of the IMU whose output is valid; None if there is none.
         self.switch_overs = 0
         self.calibrations: dict[int, int] = {}  #: Number of the calibration in use, from 0, by IMU.
-        self.unaligned: frozenset[int] = frozenset()  #: IMUs whose samples are not aligned with the primary's samples.
+        self.unaligned: frozenset[int] = frozenset()  #: IMUs whose samples are not aligned with those of the primary.
 
     def update(self, watch: PairWatch) -> list[tuple[str, int, dict[str, Any]]]:
         """Update the state from the watch; return the changes as kind, number of the IMU or 0, and values."""
@@ -89,7 +89,7 @@ class CorrectedStream:
 
 
 class CorrectedOutput:
-    """A `PairConsumer` that passes every line on to all `sinks`.
+    """A `PairConsumer` that writes every line to all `sinks`.
 
     If a block changes a calibration or the state of the primary, the change applies to the whole block.
     """

@@ -53,7 +53,7 @@ COLUMNS: dict[str, Callable[[Result], Any]] = {
 
 @dataclass(frozen=True)
 class Delivery:
-    """Outcome of a delivery: numbers of delivered and of pending results, and the reason of a failure."""
+    """Outcome of a delivery: numbers of delivered and of pending results, and the reason for a failure."""
 
     folder: Path
     done: int
@@ -80,7 +80,7 @@ class HandOver:
     def finish(self) -> None:
         """Deliver all pending results; emit a message if some are still pending or earlier ones were delivered.
 
-        It waits at most `_WAIT_TIME` for a delivery in progress, and as long for the new one.
+        It waits at most `_WAIT_TIME` for a delivery in progress, and again for the new delivery.
         """
         if self._thread is not None:
             self._thread.join(_WAIT_TIME)
@@ -115,7 +115,7 @@ def deliver_pending(report: ProgressCallback, runs: Path, station: Path | None) 
 
 
 def _target(runs: Path, station_path: Path, station: StationConfig) -> tuple[Path, bool]:
-    """Return the hand-over folder, and whether it may be created, unlike a missing network share."""
+    """Return the hand-over folder and whether to create it; a configured folder may be a missing network share."""
     if station.handover is None:
         return runs.absolute().parent / "handover", True
     return station_path.absolute().parent / Path(station.handover.folder).expanduser(), False
@@ -165,7 +165,7 @@ def _hand_over(runs: Path, name: str, folder: Path) -> None:
 
 
 def _append(folder: Path, name: str, result: Result) -> None:
-    """Append the run's line unless it exists, and before it the header in a new file, in one write."""
+    """Append the run's line unless it exists, after the header in a new file, in one write."""
     end = f",{name}.json\n"  # exact, because another program opens the file
     with ExitStack() as stack:
         try:
@@ -190,7 +190,7 @@ def _append(folder: Path, name: str, result: Result) -> None:
 
 
 def _columns(handle: int) -> list[str]:
-    """Return the columns of the open CSV, which an earlier version without the last ones may have begun."""
+    """Return the columns of the open CSV; a file started by an earlier version may lack the last columns."""
     os.lseek(handle, 0, os.SEEK_SET)
     names = os.read(handle, _TAIL).partition(b"\n")[0].decode(errors="replace").strip().split(",")
     return names[:-1] if {*names[:-1]} <= COLUMNS.keys() and names[-1] == "result" else [*COLUMNS]

@@ -1,4 +1,4 @@
-"""Searchable history of the runs in a folder, from an index of the runs' files, and counts of a shift."""
+"""Searchable history of the runs in a folder, using an index of their files, and run counts of a shift."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
@@ -51,18 +51,18 @@ class History:
     """The runs of a folder; queries read an index, which `refresh` updates from the files."""
 
     def __init__(self, folder: Path, index: "RunIndex | None" = None, *, measured: bool = False) -> None:
-        """Open the history of a folder, with its index if that is already open; if `measured`, of no simulated runs."""
+        """Open the history of a folder; `index` is its open index, and with `measured`, simulated runs are excluded."""
         from calstation.records import RunIndex  # loads SQLAlchemy
 
         self._measured = measured
         self._folder = folder
         self._index = RunIndex(folder) if index is None else index
-        #: Stamp of the file with the offline solutions, and its content.
+        #: Fingerprint of the file of offline solutions, and its content.
         self._resolves: tuple[tuple[int, int] | None, list[ResolveRecord]] = (None, [])
 
     @classmethod
     def at(cls, folder: Path, station: StationConfig) -> "History":
-        """Open the history of the runs that count at a station: simulated ones do not at a station with hardware."""
+        """Open the history of the runs that count at a station: simulated runs count only at a virtual station."""
         return cls(folder, measured=station.bench is None)
 
     def one_connection(self) -> AbstractContextManager[None]:
@@ -79,7 +79,7 @@ class History:
         return count
 
     def refresh_in_parts(self) -> Iterator[tuple[int, float]]:
-        """Update the index from the folder; yield the number of changed runs of each part, and the fraction done."""
+        """Update the index from the folder; yield each part's number of changed runs and the completed fraction."""
         known = self._index.stamps()
         files = run_stamps(self._folder, known)
         removed = [name for name in known if name not in files]
@@ -109,12 +109,12 @@ class History:
         offset: int = 0,
         order: RunOrder = LATEST_FIRST,
     ) -> list[RunRecord]:
-        """Return at most `limit` runs that meet all conditions, in this order from `offset`."""
+        """Return at most `limit` runs that meet all conditions, sorted by `order`, starting at `offset`."""
         scope = self._scope(conditions)
         return self._query(lambda: self._index.records(scope, limit, offset, order))
 
     def indexed(self, conditions: RunFilter, limit: int | None = None) -> list[IndexedRun]:
-        """Return at most `limit` runs that meet all conditions with their values, the latest first."""
+        """Return at most `limit` runs that meet all conditions, with their values, the latest first."""
         return self._query(lambda: self._index.find(self._scope(conditions), limit))
 
     def columns(self, conditions: RunFilter = NO_FILTER) -> RunColumns:
@@ -150,12 +150,12 @@ class History:
         return self._query(lambda: self._index.passed_units(measured=self._measured))
 
     def other_spellings(self, serial: str) -> list[str]:
-        """Return the units that differ from this one only by upper and lower case; [] if it has runs itself."""
+        """Return the serial numbers that equal `serial` except for case; [] if `serial` itself has runs."""
         spellings = self._query(lambda: self._index.spellings(serial, measured=self._measured))
         return [] if serial in spellings else spellings
 
     def passed_before(self, serial: str) -> RunRecord | None:
-        """Return the unit's latest run that passed and was not partial, also without files, or None."""
+        """Return the unit's latest run that passed and was not partial, even if its files are missing, or None."""
         runs = self._of_unit(serial, _PASSED, missing=True)
         return next((run.record for run in runs if not run.record.partial), None)
 
@@ -167,7 +167,7 @@ class History:
     def failed_after(self, serial: str, started_utc: str) -> RunRecord | None:
         """Return the unit's latest run that passed or failed if it failed and started later than `started_utc`.
 
-        Failed partial runs count, and so do runs whose files are missing, as for `failures`.
+        As for `failures`, failed partial runs and runs whose files are missing count.
         """
         runs = self._of_unit(serial, (Verdict.PASSED, Verdict.FAILED), missing=True)
         failed = runs[0].record if runs and runs[0].record.verdict is Verdict.FAILED else None
@@ -176,8 +176,8 @@ class History:
     def result(self, record: RunRecord) -> Result:
         """Return the result of a run in the index, from its log if there is no result file. Raises InputError.
 
-        The result of a run of another folder is in the shared database, with a copy in place of the log. An altered
-        result is refused; the entries of the record are then those of the log or of the index.
+        The result of a run of another folder is in the shared database; a copy may exist at the path of the log, with
+        the suffix ``.json``. An altered result is refused.
         """
         if record.origin:
             copy = record.log.with_suffix(".json")
@@ -199,9 +199,9 @@ class History:
         return result
 
     def stated(self, record: RunRecord) -> Result:
-        """Return the result of a run or, if its result file was changed, what its log or else the index states.
+        """Return the result of a run; if its result file was changed, that in its log or, failing that, in the index.
 
-        The index states only the parameters. Raises InputError.
+        The index contains only the parameters. Raises InputError.
         """
         if not record.altered or record.origin:
             return self.result(record)
@@ -221,9 +221,10 @@ class History:
         )
 
     def read_again(self, record: RunRecord) -> None:
-        """Read the files of a run of the folder again, of which the log was changed although the result file was not.
+        """Read the files of a run again whose log was changed although its result file was not.
 
-        The run keeps what the index states if its log contradicts it, and counts as changed until the log is restored.
+        If the log contradicts the index, the run keeps its entries in the index and counts as changed until the log is
+        restored.
         """
         for earlier in self._index.runs_by_name([record.log.stem]):
             run = read_run(self._folder, earlier.name, earlier.stamp)
@@ -242,23 +243,23 @@ class History:
         return [record for record in self._resolves[1] if record.log == log.name]
 
     def attempts(self, serial: str) -> int:
-        """Return the number of runs of the unit, also without files; a resumed run counts once."""
+        """Return the number of runs of the unit, including runs without files; a resumed run counts once."""
         return self._query(lambda: self._index.attempts(serial, measured=self._measured))
 
     def absent_attempts(self, serial: str) -> list[tuple[int, int]]:
-        """Return the attempt numbers of the unit of which no run is known, as ranges: first and last.
+        """Return the attempt numbers of the unit for which no run is known, as ranges (first, last).
 
-        The number of a measured run is absent although a simulated run has the same number.
+        The number of a measured run is absent even if a simulated run has the same number.
         """
         measured = self._query(lambda: self._index.attempt_numbers(serial, measured=True))
         every = self._query(lambda: self._index.attempt_numbers(serial, measured=self._measured))
         return _absent_of(measured, every)
 
     def failures(self, serial: str, product: str | None) -> int:
-        """Return the number of failures of the unit as a product since it last passed, also those of partial runs.
+        """Return the number of failures of the unit as a product since it last passed, including partial runs.
 
-        Runs whose files are missing count, and so do later attempts of which no run is known, so that deleting files
-        and index does not permit further attempts.
+        Runs whose files are missing count, as do later attempt numbers for which no run is known, so that deleting
+        files and index does not permit further attempts.
         """
         verdicts = Verdict.PASSED, Verdict.FAILED
         runs = self._of_unit(serial, verdicts, missing=True, product=product)
@@ -271,7 +272,7 @@ class History:
     def previous(
         self, serial: str, product: str | None, before: str | None = None
     ) -> tuple[Mapping[str, Parameter], str]:
-        """Return the unit's latest estimate of each parameter as this product, and when the latest of the runs started.
+        """Return the unit's latest estimate of each parameter as this product, and the start of the latest such run.
 
         Runs as another product are omitted, because its parameters may be relative to other nominal values. `before` is
         the exclusive upper limit of the start, ISO 8601.
@@ -281,7 +282,7 @@ class History:
         return _latest(runs), runs[0].record.started_utc if runs else ""
 
     def solved(self, serial: str, product: str | None, limit: int) -> list[IndexedRun]:
-        """Return the unit's solved runs as a product with values, at most the latest `limit`, the oldest first."""
+        """Return at most the latest `limit` solved runs of the unit as a product, with values, the oldest first."""
         return self._of_unit(serial, _SOLVED, limit=limit, product=product)[::-1]
 
     def _of_unit(self, *conditions: Any, **more: Any) -> list[IndexedRun]:
@@ -306,9 +307,9 @@ def _absent(numbers: Iterable[int]) -> list[tuple[int, int]]:
 
 
 def _absent_of(measured: Iterable[int], every: Iterable[int]) -> list[tuple[int, int]]:
-    """Return the absent numbers of measured runs and, after the last of them, of simulated ones.
+    """Return the absent numbers of measured runs and, above the last of them, of all runs.
 
-    Measured runs are numbered without the simulated ones, but simulated runs after both.
+    The numbers of measured runs do not count simulated runs; those of simulated runs count both.
     """
     numbers = [*measured]
     last = max(numbers, default=0)
@@ -321,10 +322,10 @@ def number_ranges(ranges: Iterable[tuple[int, int]]) -> list[str]:
 
 
 def check_runs(folder: Path) -> tuple[list[Text], list[Text]]:
-    """Return the result files in a folder that nothing confirms, and the units with missing attempts.
+    """Return messages about unconfirmed result files in a folder, and about units with missing attempts.
 
-    Such a file differs from its log, or contains a release that is not in the audit trail of the site.
-    The index of the folder is not used, because it is not evidence.
+    An unconfirmed file differs from its log, or contains a release that is not in the audit trail of the site. The
+    index of the folder is not used, because it is not evidence.
     """
     faults: list[Text] = []
     attempts: dict[str, list[RunRecord]] = {}
@@ -368,7 +369,7 @@ def load_results(report: ProgressCallback, folder: Path, runs: Sequence[RunRecor
 
 @dataclass(frozen=True)
 class ShiftCount:
-    """Counts of the runs that passed or failed."""
+    """Counts of runs that passed or failed."""
 
     passed: int = 0
     failed: int = 0
@@ -403,10 +404,10 @@ def count_shift(
 ) -> ShiftCount:
     """Job: count the runs of a station in a folder that ended at `since` or later; only measured ones if `measured`.
 
-    A run that began before the shift counts in it; it ends after its time on the table. Partial, stopped and
-    faulty runs are not counted, except partial runs that failed, on their own, nor are runs of check standards
-    according to their results or to a current product file. A resumed run is counted once. Runs whose files are missing
-    are counted. The units of a batch share its duration.
+    A run belongs to the shift in which its time on the table ends. Stopped and faulty runs, and runs of check standards
+    according to their results or a current product file, are not counted; failed partial runs are counted separately,
+    other partial runs not at all. A resumed run is counted once. Runs whose files are missing are counted. The units of
+    a batch share its duration.
     """
     history = History(folder, measured=measured)
     history.refresh()

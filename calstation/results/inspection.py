@@ -17,10 +17,10 @@ from calstation.records import Log, LogFacts, UnusedSamples, context_from_meta, 
 from calstation.results.solver_chain import solve
 from procedures import method, names
 
-#: Number of samples of each stage, or of a recording without stages, that are tested and solved: 83 minutes at 200 Hz
-#: in about 0.6 GB. The rest of a longer recording is only counted.
+#: Largest number of samples of each stage, or of a recording without stages, that are tested and solved: 83 minutes at
+#: 200 Hz in about 0.6 GB. Further samples are only counted.
 MAX_TESTED = 1_000_000
-#: Codes of the messages of units that gravity or the table contradicts.
+#: Codes of the messages about wrong physical units, which contradict gravity or the table.
 _UNIT_ERRORS = frozenset(
     {
         *("recording.accel_unit", "recording.gyro_unit", "recording.gyro_unit_no_rest"),
@@ -35,17 +35,18 @@ class Inspection:
 
     serial: str
     facts: LogFacts
-    rate: float  #: Sample rate from its clock, or from a line fitted to the arrival times, Hz; NaN for one sample.
+    #: Sample rate from the recorded times, or from a line fitted to the arrival times, Hz; NaN for one sample.
+    rate: float
     configured_rate: float  #: Sample rate of its configuration, Hz.
     #: Root mean square deviation of the arrival times from the sample clock, s; 0 if the recording has a clock.
     jitter: float
     missing: int  #: Number of samples missing in gaps.
     invalid: int  #: Number of invalid samples.
-    paused: int  #: Number of samples of pauses, which are sound but not used.
+    paused: int  #: Number of samples in pauses, which are valid but not used.
     channels: tuple[str, ...]  #: Groups of columns: gyro, accel, encoders, temperature, imu2, ..., joints.
     stages: dict[str, int]  #: Number of samples of each recorded stage, in order.
-    methods: dict[str, Text | None]  #: Reason why a method cannot solve it, None if it can.
-    #: Errors of the samples, and of the configuration, that the stages reveal.
+    methods: dict[str, Text | None]  #: Reason why each method cannot solve the recording; None if it can.
+    #: Errors of the samples and of the configuration, found in the data of the stages.
     faults: tuple[Text, ...] = ()
     columns: Mapping[str, str] = field(default_factory=dict)  #: As `Log.columns`.
     unused: tuple[str, ...] = ()  #: As `Log.unused`.
@@ -56,13 +57,13 @@ class Inspection:
 
     @property
     def unit_error(self) -> Text | None:
-        """The message of units that gravity or the table contradicts; None if there is none."""
+        """The message about wrong physical units; None if there is none."""
         texts = (*self.faults, *filter(None, self.methods.values()))
         return next((part for text in texts for part in _parts(text) if part.code in _UNIT_ERRORS), None)
 
     @property
     def summary(self) -> list[tuple[str, Text]]:
-        """The interpretation as rows of text: code of the name, "" to continue the row above, and text."""
+        """The contents as rows: code of the name ("" to continue the preceding row) and text."""
         facts, text = self.facts, Text.of
         seconds = (facts.last_seq - facts.first_seq + 1) / self.configured_rate
         samples = {"samples": facts.samples, "first_seq": facts.first_seq, "last_seq": facts.last_seq}
@@ -169,7 +170,7 @@ class _ClockFit:
 
 
 def recording_faults(log: Log) -> tuple[Text, ...]:
-    """Return the errors of the samples, and of the configuration, that the stages of a log reveal without a solution.
+    """Return the errors of samples and configuration that the data of a log's stages show without a solution.
 
     Only the first `MAX_TESTED` samples of each stage are tested. Raises InputError if the log cannot be read.
     """
@@ -205,7 +206,7 @@ def _by_stage(log: Log) -> Iterator[tuple[str, list[SampleBlock]]]:
 
 
 def _recorded(log: Log, stages: dict[str, int]) -> dict[str, Text | None]:
-    """Solve the stages in order, each with the posterior of the preceding ones."""
+    """Solve the stages in order; return the reason why each stage could not be solved, or None."""
     try:
         missing = solve(partial(_first_samples, log), log.meta, source=log.path).missing_data
     except InputError as exc:

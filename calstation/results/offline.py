@@ -31,10 +31,10 @@ from calstation.results.result import Result, in_sigma, write_json
 from calstation.results.sections import Parameter
 from calstation.results.stored_runs import lacks_log
 
-#: Measured cost of solving a sample relative to reading it; filters take several passes.
+#: Measured cost of solving a sample relative to reading it, by stage and for the filter, which takes several passes.
 _BATCH, _FILTER = {"rate": 2.5, "six_position": 1.0}, 10.0
 
-#: Columns with 1 or 0: run is partial, its unit was released, its result file was changed, its log is missing.
+#: Columns with 1 or 0: run is partial or simulated, unit was released, result file was changed, log is missing.
 _FLAGS = ("partial", "simulated", "released", "result_changed", "log_missing")
 #: First columns of exported runs, before the values and sigmas of the parameters.
 _RUN_COLUMNS = (
@@ -103,7 +103,7 @@ def import_recording(
 
     Parameters
     ----------
-    report : function that is called with the fraction that is done
+    report : callback for the completed fraction
     source, meta_file, topic : recording, see `records.open_log`
     target : raw log to write
     samples : number of samples of the recording
@@ -134,7 +134,7 @@ def drop_partial(report: ProgressCallback, target: Path) -> None:
 
 
 def export_result(report: ProgressCallback, result: Result, stored: Result | None, target: Path) -> Path:
-    """Job: write a result as JSON, or its parameters and the stored ones of the run to a ``.csv`` file.
+    """Job: write a result as JSON, or its parameters and the stored parameters of the run to a ``.csv`` file.
 
     Raises ConfigurationError if the file cannot be written.
     """
@@ -153,10 +153,9 @@ def export_runs(report: ProgressCallback, folder: Path, conditions: RunFilter, t
     """Job: export the runs of a folder that meet all conditions, the latest first; a failure leaves no file.
 
     A ``.csv`` or ``.parquet`` file contains a row per run with its values and sigmas from the index, and their SI units
-    in the heading; any other file contains a list of the result JSONs, without the runs that have no result. If a
-    result file was altered, the result in the log takes its place, if there is one. Raises InputError if a result
-    cannot be read, or ConfigurationError if the file cannot be written, or if pyarrow, which writes Parquet, is not
-    installed.
+    in the heading; any other file contains a list of the result JSONs, without the runs that have no result. An altered
+    result file is replaced by the result in the log, if there is one. Raises InputError if a result cannot be read,
+    ConfigurationError if the file cannot be written, or if pyarrow, which writes Parquet, is not installed.
     """
     history = History(folder)
     runs = history.indexed(conditions)
@@ -180,7 +179,7 @@ def export_runs(report: ProgressCallback, folder: Path, conditions: RunFilter, t
 
 
 def _write_parquet(file: Path, rows: Iterator[list[Any]]) -> None:
-    """Write the rows of runs to a Parquet file; texts are unchanged, because no spreadsheet takes them for formulas."""
+    """Write the rows of runs to a Parquet file; texts are not escaped, because spreadsheets do not evaluate them."""
     try:
         import pyarrow as pa
         import pyarrow.parquet
@@ -195,7 +194,7 @@ def _write_parquet(file: Path, rows: Iterator[list[Any]]) -> None:
 
 
 def _run_results(history: History, runs: Sequence[IndexedRun]) -> Iterator[str]:
-    """Yield the text of a list of result JSONs in pieces, without incomplete runs that were not closed."""
+    """Yield a JSON list of results in pieces, without incomplete runs that were not closed."""
     begin = "["
     for run in runs:
         record = replace(run.record, result=None) if run.record.altered else run.record

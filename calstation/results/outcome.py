@@ -1,16 +1,16 @@
-"""The outcome of a stored run and its decisions, which every place that shows them names alike."""
+"""Texts of the outcome of a stored run and its decisions, used wherever they are displayed."""
 
 from calstation.judgement import ParameterConformity
 from calstation.messages import Text
 from calstation.records import RunRecord, Verdict
 from calstation.results.result import Result
 
-#: Badges that do not say `partial` as well.
+#: Badges to which `partial` is not added.
 _WHOLE = ("partial", "released", "missing", "altered", "unconfirmed")
 
 
 def solved_offline(result: Result) -> Text | None:
-    """Return that a result was solved offline, with the range of samples if it is of a part of its log, or None."""
+    """Return the text that a result was solved offline, with the samples if only a part of its log was, or None."""
     if result.outcome != "resolved":
         return None
     if result.log.part:
@@ -31,7 +31,7 @@ def run_outcome(run: RunRecord | Result, *, stages: bool = False) -> Text:
 
 
 def value_decisions(result: Result) -> dict[str, ParameterConformity]:
-    """Return the decisions on the values that decide on their parameters, not those with a sigma above its limit."""
+    """Return the decisions on values that determine whether their parameters pass, unless a failed sigma does."""
     decided = {} if result.conformity is None else result.conformity.parameters
     failed = {check.subject for check in result.failed_checks}
     return {name: each for name, each in decided.items() if each.accepted != (name in failed)}

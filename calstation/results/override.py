@@ -1,4 +1,4 @@
-"""Release of a unit that failed: the result keeps its outcome and records who released the unit, and why."""
+"""Release of a unit that failed: the result keeps its outcome and records who released the unit and why."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -31,7 +31,7 @@ T = TypeVar("T", bound=BaseModel)
 
 
 def override_required(report: ProgressCallback, path: Path) -> ConfirmationRequired:
-    """Job: return the confirmation that releasing a result's unit requires. Raises InputError if not releasable."""
+    """Job: return the confirmation required to release the unit of a result. Raises InputError if not releasable."""
     return confirmation_required("override", *_files(_failed(path), path))
 
 
@@ -42,7 +42,7 @@ def override_result(report: ProgressCallback, path: Path, why: str, first: Perso
     ----------
     report : progress callback of the job, not used
     path : result file of the run, which is changed
-    why : reason of the release
+    why : reason for the release
     first, second : person who releases the unit, and a second person if the product requires one
 
     Raises
@@ -82,7 +82,7 @@ def _files(result: Result, path: Path) -> tuple[ProductConfig, StationConfig]:
 def run_files(
     files: Mapping[str, FileSection], path: Path, texts: Mapping[str, str]
 ) -> tuple[ProductConfig, StationConfig]:
-    """Return the product of a run, and the current station of the site, or the run's station if there is none.
+    """Return the product of a run, and its station from the site's library or, if it is not there, from the log.
 
     `files` are the files of the run, and `texts` their texts in its log, both by kind. Raises InputError for `path` if
     a file is neither in the log nor at the site.
@@ -94,7 +94,7 @@ def run_files(
 
 
 def _file(kind: str, model: type[T], file_section: FileSection | None, path: Path, text: str | None) -> T:
-    """Parse the text of a file of a run, or the library file of that name without a text. Raises InputError."""
+    """Parse the text of a run's file or, without a text, the library file with its name. Raises InputError."""
     if text is not None:
         return validate(model, parse_toml(text), path, InputError)
     if file_section is None or file_section.name not in library.names(f"{kind}s"):

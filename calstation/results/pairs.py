@@ -1,4 +1,4 @@
-"""Monitoring of IMUs on one body, from a log or live: checks, calibrates if out of tolerance, and stores the result.
+"""Monitoring of IMUs on one body, from a log or live: check, calibration if out of tolerance, and storage.
 
 The calibration of a pair is stored in the site's folder and applied to the next log before its check.
 """
@@ -47,7 +47,7 @@ class PairConsumer(Protocol):
     """Receives the data of a `PairSession`, in order and in one thread."""
 
     def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
-        """Process the next samples, which `watch` has already processed, and the resulting events.
+        """Process the next samples, which `watch` has already processed, and the events that resulted.
 
         `block` contains the raw counts of the primary and, in `others`, of the secondaries at the same times; see
         `PairWatch` for the state of the primary and the stored calibrations. After the last samples, `block` is empty.
@@ -180,7 +180,7 @@ class PairProgress:
     time: float  #: Time replayed so far, s.
     duration: float  #: Duration of the whole recording, s.
     state: str  #: ``waiting``, ``checking`` or ``calibrating``.
-    motion: float  #: Fraction of the motion that a calibration needs, 0 to 1.
+    motion: float  #: Collected fraction of the motion required for a calibration, 0 to 1.
     events: tuple[WatchEvent, ...]  #: Events so far.
 
     def to_note(self) -> str:

@@ -1,6 +1,6 @@
 """Preview of a run by covariance analysis: joint angles, duration, violated limits, and sigmas after every stage.
 
-It uses the plans and solvers of the run with simulated samples of an ideal unit during the planned motion.
+It runs the plans and solvers of the run with simulated samples of an ideal unit during the planned motion.
 """
 
 from collections.abc import Iterator, Mapping
@@ -39,11 +39,11 @@ from procedures import method
 #: Maximum number of rounds of a stage that ends only when its targets are reached.
 MAX_ROUNDS = 20
 
-#: Number of points per drawn move, enough to show its ramps.
+#: Number of points per drawn move, enough to show its acceleration.
 _POINTS_PER_MOVE = 9
 
 #: Assumed mounting error in units of the profile's mount sigma. With a perfect fixture, scale factors and misalignments
-#: would be slightly more observable than with any real one.
+#: would be slightly more observable than with a real fixture.
 _MOUNT = np.full(3, 0.3)
 
 #: Reason why no sigma of a stage with such a step can be predicted.
@@ -81,7 +81,7 @@ class StagePreview:
     stage: str
     begin: float  #: Start time, since the start of the first stage, s.
     end: float  #: End time, since the start of the first stage, s.
-    #: Reason for its end: plan, rounds, duration, targets or operator; "" if it exceeds `MAX_ROUNDS`.
+    #: Reason why the stage ends: plan, rounds, duration, targets or operator; "" after `MAX_ROUNDS`.
     reason: str
     rounds: int  #: Complete rounds.
     moves: int  #: Number of moves of the table, by hand or of the gimbal.
@@ -90,7 +90,7 @@ class StagePreview:
     error: Text | None = None  #: Reason why `sigma` was not computed.
     predictable: bool = True  #: Whether `sigma` can be predicted; if not, the run can nevertheless be solved.
     observability: Mapping[str, Any] = field(default_factory=dict)
-    missed: tuple[str, ...] = ()  #: Parameters whose sigma at its end is above their target.
+    missed: tuple[str, ...] = ()  #: Parameters whose sigma at its end exceeds the target.
 
 
 @dataclass(frozen=True)
@@ -109,9 +109,9 @@ class Preview:
     travel: tuple[tuple[float, float], tuple[float, float]]
     #: Labels of the moves, by the number of the step in `observability`.
     step_labels: Mapping[int, tuple[str | float, ...]] = field(default_factory=dict)
-    #: Parameters whose check the run fails, because its data do not determine them.
+    #: Parameters that the data of the run do not determine, so that the run fails.
     undetermined: tuple[str, ...] = ()
-    #: Parameters known from the current calibration that the run does not improve, and so does not judge.
+    #: Parameters known from the current calibration that the run does not improve and therefore does not judge.
     not_improved: tuple[str, ...] = ()
     partial: bool = False  #: Whether the run omits stages of the product.
     calibrated: bool = False  #: Whether the run starts from the current calibration of the unit.

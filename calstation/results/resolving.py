@@ -1,4 +1,4 @@
-"""Solving of a stored log with the same solver chain as a run, and loading of finished runs for analysis."""
+"""Solves stored logs with the solver chain of a run, and loads finished runs for analysis."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -80,10 +80,10 @@ def resolve(
 ) -> Resolved:
     """Solve a log, or a CSV with its TOML, between two sequence numbers (both included, unwrapped).
 
-    Without `stages`, stages of the log with insufficient data are skipped; the result can then fail, but not pass.
+    Without `stages`, stages with insufficient data are skipped; the result can then fail, but not pass.
     Damaged rows are treated as gaps and reported by the message ``log_damaged``. `progress` is called periodically.
     With `residuals`, the log is read a second time for the residuals by rest and move. `states` are estimated in
-    addition to the states of the log's model; the result then lists them and is not compared with the stored one.
+    addition to the states of the log's model; the result then lists them and is not compared with the stored result.
     Without `diagnostics`, only the parameters are solved, with bit-identical values; the result then has no verdict.
 
     The solution is recorded next to the log; the message ``resolve_unrecorded`` reports a failure to do so.
@@ -119,7 +119,7 @@ def resolve_log(
     """Solve an open log like `resolve`, but record nothing, with a configuration that may differ from the log's.
 
     `added` are the states in the model of `meta` that are missing in the log's own model. The result is compared with
-    the stored one only if the configuration equals the log's.
+    the stored result only if the configuration equals that of the log.
 
     Raises InputError or ConfigurationError if the log cannot be used or solved.
     """
@@ -249,7 +249,7 @@ def _check_complete(log: Log, solved: list[str]) -> None:
 
 
 def result_of(path: Path) -> Result:
-    """Read a result file, or the stored result of a log, which is solved if it has none.
+    """Read a result file, or the stored result of a log; a log without a result is solved.
 
     Raises InputError or ConfigurationError if the file cannot be used.
     """
@@ -269,7 +269,7 @@ class FinishedRun:
     #: Labels of the moves by the number of the step; empty if the log cannot be read or has none.
     step_labels: Mapping[int, tuple[str | float, ...]] = field(default_factory=dict)
     previous_utc: str = ""  #: Start of the latest run in `previous`, ISO 8601; "" if none is.
-    #: Limits of the product in the log, SI, by parameter or group; empty like `step_labels`.
+    #: Limits of the product in the log, SI, by parameter or group; empty if the log cannot be read.
     limits: Mapping[str, Limit] = field(default_factory=dict)
 
     @property
@@ -310,7 +310,7 @@ def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> Finis
 
 
 def resolve_with_state(report: ProgressCallback, run: FinishedRun, state: EffectName) -> FinishedRun:
-    """Job: solve the log of a run again with one more state, and keep the values for comparison.
+    """Job: solve the log of a run again with one more state; the run's values become the previous values.
 
     Raises InputError or ConfigurationError if the log cannot be used or solved.
     """

@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "calstation.result/1"
 
-#: Largest number of failed checks that the verdict names.
+#: Largest number of failed checks listed in the verdict.
 _MAX_NAMED_CHECKS = 3
 
 #: Exceptions that `Result.from_json` raises for JSON that is not a result.
@@ -196,14 +196,14 @@ class Result(ResultSection):
 
     @property
     def compared(self) -> Mapping[str, Parameter]:
-        """The parameters as they are compared with limits: over temperature, the worst value and the largest sigma."""
+        """The parameters as compared with limits: the worst value and the largest sigma over temperature."""
         return {name: self.worst(name)[0] for name in self.parameters}
 
     def worst(self, name: str) -> tuple[Parameter, float | None]:
-        """Return a parameter as it is compared with its limits, and the temperature of its worst value, °C.
+        """Return a parameter as compared with its limits, and the temperature of its worst value, °C.
 
-        The worst value is the one farthest from the middle of its limits, or from 0. The temperature is None if the
-        parameter does not depend on it.
+        The worst value is the value farthest from the middle of the limits, or from 0 without limits. The temperature
+        is None if the parameter does not depend on it.
         """
         parameter = self.parameters[name]
         if self.temperature is None or name not in self.temperature.coefficients:
@@ -252,7 +252,7 @@ class Result(ResultSection):
 
     @property
     def unjudged(self) -> list[str]:
-        """Parameters with a limit that were not judged, of a partial run only solved ones; their group if all of it."""
+        """Parameters with a limit that were not judged (of a partial run, solved ones), or the group if all of it."""
         names = {*self.not_compared} & ({*self.parameters} if self.partial else {*GROUP_BY_NAME})
         left = {name: group for name, group in GROUP_BY_NAME.items() if name in names}
         in_part = {group for name, group in GROUP_BY_NAME.items() if name not in left}
@@ -273,7 +273,7 @@ class Result(ResultSection):
 
     @property
     def failure(self) -> Text:
-        """What failed: a limit of a parameter, narrowed if the decision rule narrowed that of any, or the checks."""
+        """Text about the failure: a limit or a narrowed limit of a parameter was exceeded, or other checks failed."""
         failed = self.failed_checks
         if failed and not any(check.kind in ("within", "sigma_below") for check in failed):
             names = short_names(failed)[:_MAX_NAMED_CHECKS]
@@ -283,7 +283,7 @@ class Result(ResultSection):
 
     @property
     def missing_state(self) -> Check | None:
-        """The most significant failed check whose cause can be an additional state of the model, or None."""
+        """The most significant failed check whose cause can be added to the model as a state, or None."""
         failed = [c for c in self.failed_checks if c.diagnosis is not None and c.diagnosis.cause in EFFECT_STATES]
         return max(failed, key=lambda check: check.value, default=None)
 

@@ -1,4 +1,4 @@
-"""The events of a run, which its log contains with their times."""
+"""The events of a run with their times, read from its log."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,9 +10,9 @@ from calstation.sequencer import Event, from_json
 
 @dataclass(frozen=True)
 class TimedEvent:
-    """An event and the time since the first event of its run, s; None if the log does not contain it.
+    """An event and the time since the first event of its run, s; None if the log does not contain the time.
 
-    `utc` is the time of day, ISO 8601; "" if the log, which is of an earlier version, does not contain it.
+    `utc` is the time of day, ISO 8601; "" if the log, written by an earlier version, does not contain it.
     """
 
     seconds: float | None

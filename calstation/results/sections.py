@@ -16,7 +16,7 @@ class Parameter(ResultSection):
 
 
 class TableValue(ResultSection):
-    """A quantity of the table's geometry, see `calstation.estimation.positions.table_axes`."""
+    """A quantity of the table's geometry; see `calstation.estimation.positions.table_axes`."""
 
     value: Number
     sigma: Number
@@ -69,7 +69,7 @@ class CalibrationUsed(ResultSection):
 
     log: str  #: File name of the log of the calibration's run.
     started_utc: str
-    #: Unobservable parameters whose values are those of the calibration.
+    #: Unobservable parameters, which keep the values of the calibration.
     not_improved: list[str] = Field(default_factory=list)
 
 
@@ -125,7 +125,7 @@ class CyclePhase(ResultSection):
 
 
 class LatitudeUnknown(ResultSection):
-    """An inconsistent stage, and its configured latitude in degrees, which no rest has confirmed."""
+    """An inconsistent stage, and the configured latitude in degrees, which no rest has confirmed."""
 
     stage: str
     latitude: float

@@ -1,4 +1,4 @@
-"""Chain of stage solvers, which gives bit-identical results for the samples of a run and of its log."""
+"""Chain of stage solvers, whose results for the samples of a run and of its log are bit-identical."""
 
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -41,7 +41,7 @@ SolveProgress = Callable[[str, int, float], None]
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Limit linear algebra to one thread, which fixes the order of its sums and thus every digit."""
+    """Limit linear algebra to one thread, which fixes the order of its sums and hence every digit."""
     with threadpool_limits(limits=1):
         yield
 
@@ -73,7 +73,7 @@ class StageChain:
         self._gather = diagnostics and checks is not None and checks.need_samples
         self._data_tests = DataTests(meta, self._context, self.prior)
         offset, matrix = composition(meta.registers)
-        #: Parameters that compensate the effect of the registers, which yields the uncalibrated output.
+        #: Parameters with which compensation of the recorded output cancels the correction by the registers.
         self._uncalibrated = np.asarray(np.linalg.solve(matrix, -offset), np.float64)
         imu = self._context.imu
         priors = known_effects(self.prior.sigma, self._context)
@@ -148,9 +148,9 @@ class StageChain:
         return solution
 
     def _unsolvable(self, buffer: StageBuffer, error: Exception) -> InputError:
-        """Return the error of a stage that cannot be solved; faults of its samples are the cause, if there are any.
+        """Return the error of a stage that cannot be solved; a fault of its samples is the cause, if there is one.
 
-        A method that refuses a recording has named its fault itself.
+        An error with which a method refuses a recording already contains the cause.
         """
         if isinstance(error, InputError) and not isinstance(error, InsufficientDataError):
             return error
@@ -178,7 +178,7 @@ class StageChain:
             solution = replace(solution, latitude=self._resting.latitude(solution.posterior))
         solution = self.model_tests.add_tests(solution, self.solutions, self.posterior)
         solution = self._data_tests.add_tests(solution, tested, block, data)
-        if not data.joints.size:  # a gimbal has three joints, and no stationary base
+        if not data.joints.size:  # a gimbal is not a two-axis table
             self._table_rests.append(table_rests(data, self._context, solution.posterior))
         return solution
 
@@ -187,7 +187,7 @@ class StageChain:
         return table_axes(self._table_rests, self._context, self.posterior)
 
     def skip_stage(self, reason: Text) -> None:
-        """Skip the started stage; the next one starts with the posterior of the previous one."""
+        """Skip the started stage; the next stage starts with the posterior of the previous stage."""
         self._solver = None
         self.missing_data[self._stage] = reason
 
@@ -261,7 +261,7 @@ class _Replay:
             if not method(waiting[0]).needs_no_table:
                 code = "solution.stage_not_in_range" if recorded else "solution.range_without_stages"
                 raise self._in_log(InsufficientDataError(code, stage=waiting[0], held=recorded))
-            # A manual recording does not name stages, or names other ones; all of its samples belong to this stage.
+            # A manual recording names no stages, or other stages; all of its samples belong to this stage.
             self._start(waiting.pop(0))
             for block in self._blocks():
                 self._feed(block)

@@ -1,7 +1,7 @@
 """Comparison of the result file of a run with the result in its log, and of its release with the audit trail.
 
-The result file can be edited with any editor. What a certificate, a label, the history or `apply` says comes from the
-log; an edited file is refused, or replaced by the result in the log.
+A result file can be edited with any editor. Certificates, labels, the history and `apply` therefore use the result in
+the log; an edited file is refused, or replaced by the result in the log.
 """
 
 import hashlib
@@ -42,10 +42,10 @@ _MAX_LENGTH = 30
 
 
 def load_run_result(path: Path, *, require_log: bool = False) -> Result:
-    """Read a result file, and compare that of a run with its log, if the log is next to it or where the run wrote it.
+    """Read a result file; compare the file of a run with its log, if the log is next to it or where the run wrote it.
 
     Raises InputError, also if the file differs from the result in the log. With `require_log`, the log must exist and
-    be readable, because nothing else proves the result.
+    be readable, because nothing else confirms the result.
     """
     content = read_content(path)
     result = result_from(content, path)

@@ -1,4 +1,4 @@
-"""The runs of a folder as their files state them: which files there are, and what the index stores of each run."""
+"""Reading of the runs of a folder from their files, for the index."""
 
 import math
 import os
@@ -35,14 +35,14 @@ from calstation.results.stated import (
     was_simulated,
 )
 
-#: Largest number of an attempt; the index cannot store any integer of a result.
+#: Largest attempt number in the index, which cannot store arbitrarily large integers.
 _MAX_ATTEMPTS = 1_000_000
 
 
 def run_stamps(folder: Path, known: Mapping[str, str]) -> dict[str, str]:
-    """Return a stamp of each run's files by stem, except for logs that are still being written.
+    """Return a fingerprint of each run's files by stem, except for logs that are still being written.
 
-    A log whose stamp equals its `known` stamp is not being written.
+    A log whose fingerprint equals its `known` fingerprint is not being written.
     """
     if not folder.is_dir():
         return {}
@@ -106,10 +106,10 @@ def lacks_log(record: RunRecord) -> bool:
 
 
 def result_doubt(record: RunRecord) -> Text | None:
-    """Return what does not confirm the result of a run with a verdict; None if its log contradicts or confirms it.
+    """Return why the result of a run with a verdict is unconfirmed; None if its log confirms or contradicts it.
 
-    The audit trail does not contain its release; or its log is unreadable, of another run, or without a result, as
-    after its end was cut off.
+    Reasons: the audit trail does not contain its release; or its log is unreadable, of another run, or without a
+    result, for example because its end was cut off.
     """
     if record.origin or not record.verdict.judged:
         return None
@@ -178,7 +178,7 @@ def ended_result(log: Log) -> Result | None:
 
 
 def _from_file(folder: Path, name: str, stamp: str, path: Path) -> IndexedRun | None:
-    """Read a run from its result file or, if that was altered, from its log; without an unknown release."""
+    """Read a run from its result file or, if that was altered, from its log; an unrecorded release is omitted."""
     content = read_json(path)
     result = Result.from_json(content)
     if not is_run(result, name):
@@ -212,7 +212,7 @@ def _from_file(folder: Path, name: str, stamp: str, path: Path) -> IndexedRun | 
 
 
 def _knows_release(result: Result, path: Path) -> bool:
-    """Return whether the audit trail contains the release in a result file, or there is none."""
+    """Return whether the audit trail contains the release in a result file, or the file contains no release."""
     try:
         require_recorded_release(result, path)
     except InputError:

@@ -21,7 +21,7 @@ from calstation.physics import (
 )
 from calstation.schema import Number, ResultSection
 
-#: Number of temperatures at which the largest change over the range is searched.
+#: Number of temperatures among which the largest change over the range is found.
 _TEMPERATURES = 101
 
 
@@ -33,7 +33,7 @@ class RateCoefficient(ResultSection):
 
 
 class Coefficients(ResultSection):
-    """Coefficients of a parameter's polynomial of the temperature relative to the reference, SI per powers of K."""
+    """Coefficients of a parameter's polynomial in the temperature relative to the reference, SI per K^k."""
 
     values: list[Number]
     sigma: list[Number]
@@ -57,7 +57,7 @@ class WorstValue(ResultSection):
 
 
 class HeldOutDifference(ResultSection):
-    """Difference of a parameter at a temperature, °C, that was not fitted, SI."""
+    """Difference of a parameter from the fit at a held-out temperature, °C, SI."""
 
     at_c: float
     parameter: str
@@ -66,9 +66,9 @@ class HeldOutDifference(ResultSection):
 
 
 class TemperaturePointResult(ResultSection):
-    """A temperature, °C, the samples taken at it, and their own solution, SI, by parameter.
+    """A temperature, °C, the samples taken at it, and the solution of these samples, SI, by parameter.
 
-    The solution contains the parameters that these samples determine, without the term in the rate of change.
+    The solution contains the parameters that these samples determine, reduced to a constant temperature.
     """
 
     at_c: float
@@ -76,7 +76,7 @@ class TemperaturePointResult(ResultSection):
     first_seq: int
     last_seq: int
     held_out: bool = False
-    table_noise: float | None = None  #: That of the solution relative to the profile of the table; None if unknown.
+    table_noise: float | None = None  #: Noise of the table relative to its profile; None if unknown.
     values: dict[str, Number] = Field(default_factory=dict)
     sigma: dict[str, Number] = Field(default_factory=dict)
 
@@ -102,7 +102,7 @@ class TemperaturePointResult(ResultSection):
 
 
 class TemperatureResult(ResultSection):
-    """Parameters as functions of the temperature; `covariance` has the rows of all coefficients in their order."""
+    """Parameters as functions of the temperature; `covariance` is that of all coefficients, in order."""
 
     reference_c: float
     range_c: tuple[float, float]
@@ -110,11 +110,11 @@ class TemperatureResult(ResultSection):
     covariance: list[list[Number]]
     worst: dict[str, WorstValue]
     held_out: list[HeldOutDifference] = Field(default_factory=list)
-    lag_s: dict[str, LagResult] = Field(default_factory=dict)  #: Of gyros and accelerometers, as far as determined.
+    lag_s: dict[str, LagResult] = Field(default_factory=dict)  #: Determined lags of gyros and accelerometers.
     points: list[TemperaturePointResult]
 
     def parameters_at(self, temperature: FloatArray) -> FloatArray:
-        """Return the parameters at temperatures of shape (n,), °C, that do not change; SI, shape (n, 30).
+        """Return the parameters at constant temperatures, °C, shape (n,); SI, shape (n, 30).
 
         Raises InputError for temperatures outside the range; parameters that were not estimated are 0.
         """
@@ -131,7 +131,7 @@ class TemperatureResult(ResultSection):
         return parameters
 
     def covers(self, temperature: FloatArray) -> BoolArray:
-        """Return whether temperatures, °C, are within the range; an unknown one (NaN) is not."""
+        """Return whether temperatures, °C, are within the range; False for NaN."""
         low, high = self.range_c
         return np.asarray((temperature >= low) & (temperature <= high))
 
@@ -149,7 +149,7 @@ class TemperatureResult(ResultSection):
 
     @property
     def largest_changes(self) -> dict[str, float]:
-        """Largest difference from the reference over the range by parameter, SI, for those that depend on it."""
+        """Largest difference from the reference over the range, SI, by parameter that depends on the temperature."""
         largest = np.abs(self.changes(self.temperatures)).max(axis=0)
         return {name: float(size) for name, size in zip(NAMES, largest, strict=True) if size > 0.0}
 
@@ -172,13 +172,13 @@ class TemperatureResult(ResultSection):
         raise KeyError(name)
 
     def fits(self, names: Iterable[str]) -> bool:
-        """Return whether registers of these names hold all powers of the temperature of their parameters."""
+        """Return whether registers with these names can store all polynomial coefficients of their parameters."""
         highest = highest_powers(names)
         return all(len(row.values) - 1 <= highest[name] for name, row in self.coefficients.items() if name in highest)
 
     @property
     def registers(self) -> dict[str, float]:
-        """Coefficients of the powers from 1, and reference and range, °C, by the names of their registers."""
+        """Coefficients of the powers from 1 on, and reference and range, °C, by register name."""
         terms = {
             f"{name}[{k}]": float(value)
             for name, row in self.coefficients.items()
@@ -239,9 +239,9 @@ class TemperatureResult(ResultSection):
 
 
 def known_temperatures(temperature: FloatArray) -> FloatArray:
-    """Return temperatures, °C, shape (n,), with lines between the known ones instead of NaN.
+    """Return temperatures, °C, shape (n,), with NaN replaced by linear interpolation.
 
-    Raises InputError if none is known.
+    Raises InputError if all are NaN.
     """
     known = np.flatnonzero(~np.isnan(temperature))
     if not len(known):
@@ -262,10 +262,10 @@ def compensate_samples(
 
     Parameters
     ----------
-    parameters : parameters, those that depend on the temperature at its reference, SI, shape (30,)
+    parameters : parameters, at the reference temperature if they depend on it, SI, shape (30,)
     over : parameters over temperature; None if they are constant
     gyro, accel : output, rad/s and m/s², shape (n, 3)
-    temperature : temperature of the unit, °C, shape (n,), which does not count if the parameters are constant
+    temperature : temperature of the unit, °C, shape (n,); not used if the parameters are constant
     """
     if over is None:
         return compensate(compensation(parameters), gyro, accel)

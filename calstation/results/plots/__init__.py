@@ -1,4 +1,4 @@
-"""Computation of plot data in jobs, without drawing."""
+"""Jobs that compute plot data; the GUI draws them."""
 
 from calstation.results.plots.allan import FLOOR, AllanCurve, AllanDeviation, allan_deviation, longest_rest
 from calstation.results.plots.compensation import (

@@ -21,18 +21,19 @@ from calstation.records import LogMeta, context_from_meta, open_log
 
 #: Number of averaging times per decade, and shortest duration, s.
 _PER_DECADE, SHORTEST = 12, 10.0
-#: Longest averaging time as a fraction of the duration, because there are few differences for longer ones.
+#: Longest averaging time as a fraction of the duration; longer times have too few differences.
 _MAX_FRACTION = 0.2
 #: Probability of the confidence band.
 _CONFIDENCE = 0.95
-#: Largest difference of the slope of white noise from −1/2, and smallest number of successive slopes.
+#: Largest difference of a slope attributed to white noise from −1/2, and smallest number of such successive slopes.
 _WHITE_SLOPE, _MIN_WHITE = 0.1, 4
-#: Standard deviations by which a deviation from at least so many independent differences may be below the random walk.
+#: Number of standard deviations by which the Allan deviation may be below the random walk, and smallest number of
+#: independent differences for this comparison.
 _SCATTER, _MIN_INDEPENDENT = 4.0, 20.0
 #: Allan deviation of a bias instability B at its flat minimum, in units of B.
 FLOOR = 0.664
-#: Averaging window, s, and largest deviations of a table at rest: of the mean output from its median, rad/s and m/s²,
-#: and the range of the encoder angles, rad.
+#: Averaging window, s; largest deviations of a mean output from the median at rest, rad/s and m/s²; largest range of
+#: the encoder angles at rest, rad.
 _WINDOW, _MOVING_RATE, _MOVING_FORCE, _MOVING_ANGLE = 1.0, np.deg2rad(0.2), 0.05, np.deg2rad(0.2)
 
 
@@ -46,7 +47,7 @@ class AllanCurve:
     high: FloatArray  #: Upper end of the 95 % confidence interval, shape (k,).
     #: Random walk from the slope −1/2, rad/√s or m/s/√s; None if the curve has no such slope.
     random_walk: float | None
-    instability: float | None  #: Bias instability from the flat minimum, rad/s or m/s²; None if it is not reached.
+    instability: float | None  #: Bias instability from the flat minimum, rad/s or m/s²; None without such a minimum.
     #: Upper end of the confidence interval of the bias instability at the lowest point.
     largest_instability: float
 
@@ -61,7 +62,7 @@ class AllanDeviation:
     seconds: float
     curves: Mapping[str, AllanCurve]  #: Curves by channel; without gyros only the accelerometers.
     noise: Mapping[str, float]  #: `[noise]` of the IMU profile in the log, SI.
-    #: Step to which angle (rad) and velocity (m/s) increments are rounded; 0 for rates, whose rounding is white noise.
+    #: Rounding steps of angle (rad) and velocity (m/s) increments; 0 for rates, whose rounding is white noise.
     quantisation: tuple[float, float]
     profile: str | None  #: Name of the IMU profile; None if the log does not specify it.
 
@@ -160,8 +161,8 @@ def _power(slope: float) -> int:
 def _random_walk(tau: FloatArray, deviation: FloatArray, slope: FloatArray, freedom: FloatArray) -> float | None:
     """Return the value at 1 s of a line of slope −1/2 fitted to the longest part of the curve with this slope.
 
-    The deviation is at no averaging time smaller than that of the random walk alone. Vibration of the table also has a
-    part of this slope, but a smaller deviation at longer times.
+    At no averaging time is the deviation smaller than that of the random walk alone. Vibration of the table also causes
+    a part with this slope, but the deviation is smaller at longer times.
     """
     parts = [part for part in true_intervals(np.abs(slope + 0.5) < _WHITE_SLOPE) if part[1] - part[0] >= _MIN_WHITE]
     at_1_s = deviation * np.sqrt(tau)

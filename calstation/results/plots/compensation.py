@@ -67,7 +67,7 @@ class ImuOutput:
 
     meta: LogMeta
     blocks: list[SampleBlock]
-    corrected: bool  #: Whether they were corrected by registers other than those in use during the solution.
+    corrected: bool  #: Whether the samples were corrected by other registers than those in use for the solution.
     path: Path | None = None  #: Recording; None for samples of the connected unit.
     named: bool = True  #: Whether the unit reported its serial number.
 
@@ -76,7 +76,7 @@ class ImuOutput:
         return sum(map(len, self.blocks))
 
     def covered(self, over: TemperatureResult) -> "ImuOutput":
-        """Return the samples at temperatures that a calibration covers, with those between two that the unit sent.
+        """Return the samples at temperatures that a calibration covers, with interpolated temperatures.
 
         Raises InputError if there are none.
         """
@@ -89,7 +89,7 @@ class ImuOutput:
         return replace(self, blocks=[block for block in blocks if len(block)])
 
     def correction(self, parameters: FloatArray, over: TemperatureResult | None) -> Correction:
-        """Return the correction by parameters, SI, shape (30,), see `compensate_samples`; none for corrected output."""
+        """Return the correction by parameters, SI, shape (30,), see `compensate_samples`; none if already corrected."""
         if self.corrected:
             return partial(compensate_samples, np.zeros(len(NAMES)), None)
         return partial(compensate_samples, parameters, over)
@@ -97,10 +97,10 @@ class ImuOutput:
     def applied(self, before: FloatArray, after: FloatArray, over: TemperatureResult | None = None) -> Applied:
         """Apply parameters before and after a solution, SI, shape (30,) each; corrected output is left unchanged.
 
-        The rests are those of the stages, which the checks use; those of all samples if none belongs to a stage.
+        The rests are those of the stages, as in the checks, or of all samples if none belongs to a stage.
 
-        Raises InsufficientDataError if the unit never rests, and InputError if the parameters `over` temperature do not
-        cover a sample.
+        Raises InsufficientDataError if the unit never rests, and InputError if `over` does not cover the temperature of
+        a sample.
         """
         if self.corrected:
             before = after = np.zeros(len(NAMES))

@@ -1,4 +1,4 @@
-"""Index of a log for the log page: min-max pyramid, marks, and samples on demand."""
+"""Index of a log for the log page: min-max pyramid, marks, and reading of samples."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ from calstation.results.result import Result
 MAX_MARKS = 20_000
 #: Number of rows read before the requested ones, for the last polled angles.
 _LOOK_BACK = 4096
-#: File with the first row and the length of each range of damaged rows, shape (n, 2).
+#: File with the first row and the number of rows of each damaged range, shape (n, 2).
 _DAMAGED_ROWS = "holes.npy"
 
 
@@ -86,7 +86,7 @@ class LogIndex:
     invalid: Marks  #: First and last sample of each invalid range.
     invalid_samples: int  #: Number of invalid samples.
     paused: Marks  #: First and last sample of each pause.
-    paused_samples: int  #: Number of samples of pauses, which are sound but not used.
+    paused_samples: int  #: Number of samples in pauses, which are valid but not used.
     scale: FloatArray  #: Units of `CHANNELS` per count, shape (6,).
     channels: tuple[str, ...]  #: The members of `CHANNELS` that have values.
     step_numbers: IntArray  #: Numbers of the steps before and after each mark of `steps`, shape (n + 1,).
@@ -156,7 +156,7 @@ def samples(
 
 
 def _polled(angles: FloatArray, temperature: FloatArray) -> FloatArray:
-    """Return the polled values, which most samples lack: angles, converted to °, and temperature, °C, shape (n, 3)."""
+    """Return the polled values, NaN for most samples: angles, °, and temperature, °C, shape (n, 3)."""
     return np.column_stack([np.rad2deg(angles), temperature])
 
 

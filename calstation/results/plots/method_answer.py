@@ -1,4 +1,4 @@
-"""Solution of a recording by a method that needs no table, and its plot data."""
+"""Solution of a recording by a method that needs no table, and the plot data of the solution."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -39,12 +39,12 @@ _READ, _SOLVED = 0.3, 0.8
 class PositionPlotData:
     """Rests and motions of a recording, with the parameters before and after the calibration."""
 
-    gravity: float
+    gravity: float  #: Local gravity, m/s².
     up: FloatArray  #: Unit vector opposite to gravity in the body frame at each rest, shape (n, 3).
-    force_before: FloatArray  #: Magnitude of the force at each rest minus gravity, m/s², shape (n,).
-    force_after: FloatArray  #: Magnitude of the force at each rest minus gravity, m/s², shape (n,).
-    angle_before: FloatArray  #: Angle between measured and propagated gravity after each motion, rad, shape (m,).
-    angle_after: FloatArray  #: Angle between measured and propagated gravity after each motion, rad, shape (m,).
+    force_before: FloatArray  #: Magnitude of the force at each rest minus gravity, before, m/s², shape (n,).
+    force_after: FloatArray  #: Magnitude of the force at each rest minus gravity, after, m/s², shape (n,).
+    angle_before: FloatArray  #: Angle between measured and propagated up after each motion, before, rad, shape (m,).
+    angle_after: FloatArray  #: Angle between measured and propagated up after each motion, after, rad, shape (m,).
     force_limit: float | None  #: Limit from the product's checks, m/s².
     angle_limit: float | None  #: Limit from the product's checks, rad.
 
@@ -56,7 +56,7 @@ class GimbalAxis:
     axis: str
     angle: float  #: Mean size of the turns, rad.
     drift: FloatArray  #: Larger drift of the other two joints in each turn, rad, shape (turns,).
-    predicted: FloatArray  #: Drift predicted from the first turn and the gain, rad, shape (turns,).
+    predicted: FloatArray  #: Drift predicted from the first drift and the gain, rad, shape (turns,).
     gain: float  #: Gain used, rad/rad.
     largest: float  #: Largest convergent gain, rad/rad.
     best: float  #: Gain with the fastest convergence, rad/rad; 0 if there is none.
@@ -83,7 +83,7 @@ class GimbalPlotData:
 
     @property
     def excessive_sigma(self) -> float | None:
-        """Largest sigma of the misalignments, rad, if it exceeds the threshold of an axis below it; None otherwise."""
+        """Largest misalignment sigma, rad, if it exceeds the threshold although the drift of an axis is below it."""
         largest = max((sigma for _, sigma in self.least_squares.values()), default=0.0)
         return largest if largest > self.threshold and any(axis.done for axis in self.axes) else None
 
@@ -94,10 +94,10 @@ class Recording:
 
     path: Path
     serial: str
-    rate: float
+    rate: float  #: Sample rate, Hz.
     duration: float  #: Duration, s.
     truth: Mapping[str, float]  #: True parameters, SI, of a recording of the virtual bench.
-    registers: Mapping[str, float]  #: Registers that corrected it, SI; {} if there are none.
+    registers: Mapping[str, float]  #: Registers with which the unit corrected the output, SI; {} for none.
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class MethodAnswer:
     recording: Recording
     stage: str
     resolved: Resolved
-    #: Previous value and sigma of each parameter, SI; None as sigma of a stored value.
+    #: Previous value and sigma of each parameter, SI; the sigma of a stored value is None.
     before: Mapping[str, tuple[float, float | None]]
     schedule: Mapping[str, Any]  #: Schedule of the method, as in a product file.
     plot_data: PositionPlotData | GimbalPlotData | PairPlotData  #: Plot data of the method.
@@ -119,9 +119,10 @@ class MethodAnswer:
 
 
 def solve_method(report: ProgressCallback, path: Path, stage: str) -> MethodAnswer:
-    """Job: solve a whole recording as the stage ``multi_position``, ``gimbal`` or ``cross_calibration``.
+    """Job: solve a recording as the stage ``multi_position``, ``gimbal`` or ``cross_calibration``.
 
-    Raises InputError or ConfigurationError.
+    Only the samples of this stage are solved or, if there are none, the whole recording. Raises InputError or
+    ConfigurationError.
     """
     report(0.0, note="reading")
     log = open_log(path)

@@ -1,7 +1,7 @@
 """Min-max pyramid of a log: files with the lowest and highest values of its channels in bins of samples.
 
-Three levels of bins are stored; bins are merged while reading, so that at most 16 times the drawn data are read,
-regardless of the log's length.
+Three levels of bins are stored, and bins are merged while reading, so that at most 16 times the drawn data are read for
+a log of any length.
 """
 
 from dataclasses import dataclass
@@ -102,7 +102,7 @@ class _Level:
 
 
 class PyramidWriter:
-    """Writes the files from consecutive samples, and with `keep_samples` also the samples, for random access."""
+    """Writes the files of consecutive samples and, with `keep_samples`, the samples themselves for random access."""
 
     def __init__(self, folder: Path, keep_samples: bool) -> None:
         self._levels = [_Level(folder, samples) for samples in BINS]

@@ -86,7 +86,8 @@ def pair_plot_data(
 ) -> PairPlotData:
     """Compute the plot data from the stage's samples, the details of its result, and its schedule.
 
-    A pair that has a stored calibration is checked at the last rest with this instead of the one in the log.
+    A pair with a calibration stored in the site's folder is checked at the last rest with it instead of the one in the
+    log.
     """
     c, folder = compensation(prior.mean), pair_folder()
     calibration = PairCalibration(context, prior, PairSchedule.model_validate(schedule))
@@ -129,7 +130,7 @@ def stored_pairs(context: SolveContext, folder: Path) -> tuple[StoredPairFile, .
 
 
 def _residuals(data: PairData, c: Compensation, before: FloatArray, after: FloatArray) -> dict[str, PairResiduals]:
-    """Return the residuals in the frequency band of the fit, with the stored and the new values."""
+    """Return the residuals in the pass band of the fit, with the stored and the new values."""
     rows, parts = [], []
     for value in (before, after):
         filtered = signals(data, float(value[OFFSET]), c)
