@@ -42,7 +42,7 @@ Kind = Literal["hand", "pair", "gimbal"]
 SAMPLE_RATE = 100.0
 _LATITUDE_DEG, _HEIGHT = 34.25, 400.0
 _AT_REST = {"gyro": {"fixed": 2e-4}, "accel": {"fixed": 5e-3}}
-#: A short motion is enough; the limits of rest allow for an uncalibrated MEMS unit and an earth rate of 0.7e-4 rad/s.
+#: Schedule with a short motion; the limits at rest allow for an uncalibrated MEMS unit and earth rate, 0.7e-4 rad/s.
 _PAIR_SCHEDULE = {
     "motion_s": 10.0,
     **{f"{unit}_{sensor}": limit for unit in ("primary", "secondary") for sensor, limit in _AT_REST.items()},
@@ -91,7 +91,7 @@ def record_on_bench(progress: ProgressCallback, kind: str, path: Path, grade: st
 
 
 def _unit(grade: GradeName, seed: int, *, plain: bool = False) -> ImuTruth:
-    """Draw a unit; `plain` omits the second-order terms and levers, which a pair cannot determine."""
+    """Draw a unit; `plain` omits the second-order terms and lever arms, which a pair cannot determine."""
     imu = draw_imu(grade, np.random.default_rng(seed), sample_rate=SAMPLE_RATE)
     if plain:
         parameters = imu.parameters.copy()

@@ -115,7 +115,7 @@ def _settings(setup: RunConfiguration, bench: Mapping[str, Any]) -> Settings:
 
 
 def _interruptions(log: Path) -> int:
-    """Return how often the run of a log that is resumed was interrupted; each part of the run has noise of its own."""
+    """Return how often a resumed run was interrupted, from its log; every part of a run has different noise."""
     count, name = 1, log.name
     with suppress(InputError):  # an earlier log may have been deleted
         while (run := open_log(log.with_name(name)).meta.run) is not None and run.resumed_from:

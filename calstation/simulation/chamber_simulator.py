@@ -9,16 +9,16 @@ from calstation.bench.chamber import ChamberMachine
 from calstation.bench.truth import GRID, BenchTruth, Samples, Simulator, UnitThermal
 from calstation.physics import FloatArray, IntArray, Ramp, Soak, Step
 
-#: Time between two temperatures of a track, s, and largest difference of the air from the set point of a soak, K.
+#: Simulation interval during a soak, s, and largest difference of the air from the set point once reached, K.
 _INTERVAL, _TOLERANCE = 1.0, 1.0
-#: Resolution of the unit's sensor, K, and number of parts of the time of a soak after which parameters are computed.
+#: Resolution of the unit's sensor, K, and number of grid cells per computation of the parameters during a soak.
 _RESOLUTION, _SPARSE = 0.01, 8
 
 
 class ChamberSimulator(Simulator):
     """Simulates a stage `temperature`; `thermal` contains the true temperatures and parameters of the unit.
 
-    Without `counts`, it produces no output of the unit, but the course of its true parameters.
+    Without `counts`, it computes the true parameters over time instead of the output of the unit.
     """
 
     def __init__(self, truth: BenchTruth, config: BenchConfig, seed: int, *, counts: bool = True) -> None:
@@ -40,7 +40,7 @@ class ChamberSimulator(Simulator):
         return self._chamber.set_point
 
     def _air(self) -> float:
-        """Advance the chamber by a cell of the grid, and return the temperature of its air, °C."""
+        """Advance the chamber by one cell of the grid and return the temperature of its air, °C."""
         chamber, change = self._chamber, self._rate * GRID
         chamber.set_point += float(np.clip(self._target - chamber.set_point, -change, change))
         chamber.advance(len(self._sensed) * GRID)
@@ -76,7 +76,7 @@ class ChamberSimulator(Simulator):
             self._is_soaking = False
 
     def _slope(self, period: float) -> float:
-        """Return the rate of the unit's sensor over the last period, K/min."""
+        """Return the mean rate of the unit's sensor over the last period, K/min."""
         recent = np.array(self._sensed[-round(period / GRID) :])
         return float(np.polyfit(np.arange(len(recent)) * GRID / 60.0, recent, 1)[0])
 

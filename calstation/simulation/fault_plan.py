@@ -113,7 +113,7 @@ class FaultPlan(StrictModel):
         return replace(setup, bench_overrides=self._overrides(bench_settings(setup), setup.number))
 
     def _overrides(self, settings: Mapping[str, Any], number: int) -> dict[str, Any]:
-        """Return the bench settings of a unit that differ from the start, including the faults with a time."""
+        """Return the changed bench settings of a unit, including the orders of faults with a time."""
         changes: dict[str, Any] = {}
         orders = list(settings.get("orders", []))
         for fault, time in zip(self.fault, self.times(), strict=True):

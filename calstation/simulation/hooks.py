@@ -52,7 +52,7 @@ class BenchHooks(RunHooks):
             self._clock = devices.clock
 
     def log_opened(self, log: RawLogWriter) -> None:
-        """Store the log, because a fault may simulate a full disk for it."""
+        """Store the log, so that a fault can simulate a full disk."""
         self._log = log
 
     def _move_rig(self, event: Event) -> None:

@@ -1,4 +1,4 @@
-"""Increase of the errors of an excitation stage by bias instability, given the filter's gains and the bench's noise.
+"""Increase of an excitation stage's errors due to bias instability, given the filter's gains and the bench's noise.
 
 The filter models flicker noise by one Gauss-Markov process per bias. With the filter's gains K, the error e of its
 estimate (without the true bias drift) and the processes β that drive the true biases are
@@ -6,7 +6,7 @@ estimate (without the true bias drift) and the processes β that drive the true 
     e⁺ = (I − KH)(F e − [F_b; 0] β) + K H_b β⁺ + noise,      β⁺ = A β + ν,
 
 and their joint covariance is propagated (Gelb, *Applied Optimal Estimation*, 1974, section 7.2: sensitivity of a
-suboptimal filter). Nothing is fitted to the errors found in the study.
+suboptimal filter). No value is fitted to the errors of the study.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ from calstation.physics import NAMES, NAVIGATION, PARAMETER_STATES, STATES, Floa
 
 
 class MismatchedCovariance:
-    """Joint covariance of the filter's error and the true bias processes over one pass of the filter."""
+    """Joint covariance of the filter's error and the true bias processes, propagated over one pass of the filter."""
 
     def __init__(self, run: ReferencePass, context: SolveContext) -> None:
         imu = context.imu

@@ -37,7 +37,7 @@ def run_method_study(
     stage : name of the method's stage
     grade : grade of the simulated units
     seeds : number of units
-    progress : function that is called with the number of finished units and the number of all units
+    progress : callback with the number of finished units and the number of all units
     """
     if stage in OVER_TEMPERATURE:
         return study_temperature(stage, grade, seeds, progress)
@@ -76,7 +76,7 @@ def run_method_study(
 
 
 def _unit(stage: str, grade: GradeName, seed: int, nis: list[float]) -> dict[str, list[tuple[float, float]]]:
-    """Return error and sigma of each parameter of one unit, by group."""
+    """Return error and sigma of each parameter of one unit, by group; append the unit's mean NIS to `nis`."""
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "recording.h5"
         _, truth = make_recording(RECORDING_KINDS[stage], log, grade, seed)

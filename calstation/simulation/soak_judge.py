@@ -28,7 +28,7 @@ SIGMA_LIMIT = 6.0
 #: Time allowed for the bench to write its report, host time, s.
 _REPORT_TIMEOUT = 20.0
 
-#: Smallest gap that is interpreted as a counter jump, in samples: no run survives so long without samples.
+#: Smallest gap that is interpreted as a counter jump, in samples: no run continues after losing so many.
 _MIN_COUNTER_JUMP = 5_000
 
 #: Kinds of faults with which a good unit must fail.

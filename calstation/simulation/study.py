@@ -64,7 +64,7 @@ Schedules = dict[str, dict[str, Any]]
 
 @dataclass(frozen=True)
 class Case:
-    """One case of the study: the solved stages, and whether the units have an outer lever and bias instability.
+    """One case of the study: the solved stages, and whether the units have an outer lever arm and bias instability.
 
     The units of a case with optional `states` have the effects in `STUDY_EFFECTS`.
     """
@@ -97,7 +97,7 @@ CASES = (
 
 
 def _present(dph_g: float, ppm: float, ug_g3: float, ug_g2: float, mm: float, ms: float) -> Effects:
-    """Return effects for all states; accelerometer displacements along an axis are opposite, not a lever."""
+    """Return effects for all states; accelerometer displacements along an axis are opposite, so their mean is zero."""
     displacements = ((0.0, -mm, mm), (mm, 0.0, -mm), (-mm, mm, 0.0))
     return Effects(
         g_sensitivity_dph_g=dph_g,

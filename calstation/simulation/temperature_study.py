@@ -1,7 +1,7 @@
-"""Monte Carlo study of the stage temperature: the fit over temperature of many units in the simulated chamber.
+"""Monte Carlo study of the stage `temperature`: fits over temperature of many units in the simulated chamber.
 
-The bench simulates temperatures and parameters of each unit. The solution of each cycle of moves is drawn from its
-parameters with the covariance of the filter, whose errors the study of the stages tests.
+The bench simulates temperatures and parameters of each unit. The solution of each cycle of moves is drawn from the
+true parameters with the filter's covariance; the errors of the filter itself are tested by the study of the stages.
 """
 
 from collections.abc import Callable
@@ -55,32 +55,32 @@ RATE_TERM = frozenset({"gyro_bias", "accel_bias"})
 _TEMPERATURES, _HELD_OUT = np.linspace(-40.0, 85.0, 12), (48.0,)
 #: Rate at which the temperatures are simulated, Hz.
 _SAMPLE_RATE = 1.0 / GRID
-#: Number of fits, as of the solver of a stage.
+#: Number of fits, each with the lags and coefficients of the preceding one.
 _PASSES = 4
 
 
 @dataclass(frozen=True)
 class _Setting:
-    """What all units of a case have in common."""
+    """Settings common to all units of a case."""
 
     setup: RunConfiguration
     model: TemperatureModel
     schedule: Any
     prior: Posterior
-    cycle: Posterior  #: Solution of a cycle of moves.
+    cycle: Posterior  #: Predicted solution of a cycle of moves; only its covariance is used.
     is_ramp: bool
 
 
 @dataclass(frozen=True)
 class _Unit:
-    """Fit of a unit, the same without the held-out temperatures, and its true parameters, shape (12, 30)."""
+    """Fits of a unit with all temperatures and without the held-out one, and its true values."""
 
     fit: TemperatureFit
     without: TemperatureFit
-    truth: FloatArray
-    in_use: FloatArray  #: The same after the temperature rose or fell, shape (12, 30).
+    truth: FloatArray  #: True parameters at `_TEMPERATURES` without hysteresis, SI, shape (12, 30).
+    in_use: FloatArray  #: The same with hysteresis, after the temperature rose or fell, SI, shape (12, 30).
     coefficients: FloatArray  #: Scaled coefficients of the polynomials nearest to the true parameters, shape (c,).
-    minutes: float
+    minutes: float  #: Chamber time, min.
 
 
 def study_temperature(
@@ -88,11 +88,11 @@ def study_temperature(
 ) -> dict[str, Any]:
     """Study soaks or a ramp; return JSON data as `run_method_study` does.
 
-    `nees` is that of all coefficients without the hysteresis, like the statistics of the groups, and `in_use` the rms
-    of error/sigma of a group with it. `held_out` the rms of the difference at a held-out temperature over its sigma,
-    `minutes` the chamber time, `within_limits` the number of units whose sigmas are within the limits of the product
-    over the range, and `tested` that of the units that pass the test of the fit. Raises ConfigurationError for a grade
-    without a product.
+    `nees` is the mean of all coefficients. It and the statistics of the groups exclude hysteresis, except for `in_use`,
+    the rms of error/sigma of a group with hysteresis. `held_out` is the rms of difference/sigma at the held-out
+    temperature, and `minutes` the mean chamber time. `within_limits` is the number of units whose sigmas are within the
+    product's limits over the whole range, and `tested` the number of units that pass the test of the fit. Raises
+    ConfigurationError for a grade without a product.
     """
     if grade not in PRODUCTS:
         raise ConfigurationError("cli.unknown_choice", option="--grade", value=grade, choices=list(PRODUCTS))
@@ -177,7 +177,7 @@ def _nearest(fit: TemperatureFit, steady: list[FloatArray], scale: FloatArray) -
 
 
 class _Drawn:
-    """Solutions of the cycles of a unit, with errors that are drawn once."""
+    """Solutions of the cycles of a unit; their errors are drawn once and used in every fit."""
 
     def __init__(self, setting: _Setting, block: SampleBlock, parameters: FloatArray, seed: int) -> None:
         self._setting, self._block, self._parameters = setting, block, parameters
@@ -196,7 +196,7 @@ class _Drawn:
         self._noise = normals * np.sqrt(values) @ vectors.T
 
     def fit(self, held_out: tuple[float, ...]) -> TemperatureFit:
-        """Fit as the solver of a stage does."""
+        """Fit as the solver of the stage does, but always with the same number of passes."""
         setting, fit, lags = self._setting, None, NO_LAGS
         model = replace(setting.model, held_out=held_out)
         for _ in range(_PASSES):
@@ -225,7 +225,7 @@ class _Drawn:
         return points
 
     def _solved(self, true: FloatArray, noise: FloatArray) -> Posterior:
-        """Return the solution of a cycle with true parameters, SI, shape (30,)."""
+        """Return the solution of a cycle, given its true parameters, SI, shape (30,), and drawn noise, shape (f,)."""
         free, prior = self._free, self._setting.prior
         data = self._information @ (true[free] / self._scale) + noise
         mean, covariance = prior.mean.copy(), np.zeros((COUNT, COUNT))
@@ -235,7 +235,7 @@ class _Drawn:
 
 
 def _group(units: list[_Unit], group: str) -> dict[str, Any]:
-    """Return the statistics of error/sigma at 12 temperatures of the parameters of a group."""
+    """Return the statistics of error/sigma of the parameters of a group at `_TEMPERATURES`."""
     index = list(group_indices(group))
     ratios, in_use, correlations, sigmas = [], [], [], []
     for unit in units:
@@ -263,7 +263,7 @@ def _group(units: list[_Unit], group: str) -> dict[str, Any]:
 
 
 def _nees(units: list[_Unit]) -> dict[str, Any]:
-    """Return the mean normalised estimation error squared of the coefficients of all powers."""
+    """Return the normalised estimation error squared per coefficient of the polynomials, over all units."""
     total, count = 0.0, 0
     for unit in units:
         covariance = unit.fit.without_hysteresis.scaled_covariance
