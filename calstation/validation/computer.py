@@ -74,7 +74,7 @@ def clock_lines() -> Generator[Line]:
 
 
 def _synchronisation() -> tuple[bool | None, float]:
-    """Return whether a time server has set the clock, and its largest error, s; None for what is unknown."""
+    """Return whether a time server has set the clock, and its largest error, s; None and 0 if unknown."""
     if platform.system() != "Linux":
         return None, 0.0
     fields = (ctypes.c_long * 64)()  # struct timex: modes, offset, freq, maxerror, ...; modes 0 changes nothing
@@ -155,7 +155,7 @@ def _partial_reads(test: Path) -> int:
 
 
 def rights_lines(runs: Path) -> Generator[Line]:
-    """Check who may write the site's folder, its key, its audit trail, the runs and the program; and the PIN."""
+    """Check the audit trail, the PIN, and who may write the site's folder, key and trail, the runs and the program."""
     site = library.site_folder()
     state = verify_trail(site, every_signature=True)
     found = state.faults[0] if state.faults else Text.of("validation.intact", lines=len(state.trail.digests))

@@ -1,4 +1,4 @@
-"""The installation: files of all packages as released, versions as required, and nothing loaded from elsewhere."""
+"""Checks of the installation: unchanged files, required versions, and no package loaded from another folder."""
 
 import base64
 import csv
@@ -27,7 +27,7 @@ _DEVELOPMENT = "dev"
 
 @dataclass
 class Package:
-    """An installed package, or None, and what the packages that need it require of its version."""
+    """A required package: its distribution, None if not installed, and the versions that other packages require."""
 
     installed: Distribution | None
     required: SpecifierSet = field(default_factory=SpecifierSet)
@@ -41,7 +41,7 @@ class Package:
     def hashed(self) -> list[tuple[str, Path, str, str]]:
         """Recorded name, path, algorithm and hash of the files; without those that the installer creates.
 
-        The record is read itself, because `Distribution.files` of some versions of Python omits missing files.
+        The record is read directly, because `Distribution.files` of some versions of Python omits missing files.
         """
         if self.installed is None:
             return []
@@ -125,7 +125,7 @@ def installation_lines(check_stopped: CheckStopped) -> Generator[Line]:
 
 
 def _extra_lines(extra: str, added: Mapping[str, Package]) -> Generator[Line]:
-    """Yield the lines of an optional part: its packages that are installed, which the program uses, and the others."""
+    """Yield a line for each installed package of an optional part, and one line for those not installed."""
     missing = [name for name, package in added.items() if package.installed is None]
     for name, package in sorted(added.items()):
         if package.installed is not None:
@@ -179,7 +179,7 @@ def altered_files(package: Package) -> list[str]:
 
 
 def _loaded_elsewhere(package: Package) -> str | None:
-    """Return the file of a loaded module that belongs to the package by its name, but not to its files; or None."""
+    """Return the folder of a loaded module with a name of the package, if it is outside its installation; or None."""
     tops = {PurePosixPath(name).parts[0].removesuffix(".py") for name, *_ in package.hashed}
     base = Path(str(package.installed.locate_file("."))).resolve() if package.installed is not None else Path()
     if package.installed is not None and canonicalize_name(package.installed.name) == ROOT:

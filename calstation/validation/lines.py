@@ -17,7 +17,7 @@ CheckStopped = Callable[[], None]
 #: An expectation or a finding: a message, or a value that is the same in every language.
 Content = Text | str
 
-#: Areas of a validation in their order, each with the clause of ISO/IEC 17025:2017 that it serves.
+#: Areas of a validation in their order, each with the clause of ISO/IEC 17025:2017 that it addresses.
 AREAS = {
     "installation": "7.11.2",
     "clock": "7.11.3 c",
@@ -81,7 +81,7 @@ class Line:
 
 
 def verdict_of(lines: list[Line]) -> Verdict:
-    """Return the verdict: without any failed line, something required that was not checked leaves it incomplete."""
+    """Return the verdict: failed with a failed line, otherwise incomplete if a required check was not made."""
     if any(line.state == "failed" for line in lines):
         return "failed"
     return "incomplete" if any(line.state == "not_checked" and line.required for line in lines) else "passed"

@@ -24,10 +24,10 @@ from procedures import names
 
 #: Answers in the folder of the reference logs.
 ANSWERS = "answers.json"
-#: Largest difference of a value in its sigma, and of a sigma as a ratio: negligible, but more than rounding differs
-#: between processors and versions of the libraries.
+#: Largest difference of a value in sigmas, and relative difference of a sigma: negligible, but larger than differences
+#: in rounding between processors and versions of the libraries.
 BOUND = 1e-3
-#: Largest error of a value in its sigma; the true values of the simulated units are known.
+#: Largest error of a value in sigmas; the true values of the simulated units are known.
 TRUTH_BOUND = 5.0
 #: Number of the reference logs.
 REFERENCES = 5
@@ -144,7 +144,7 @@ def _digest(parameters: Mapping[str, list[float]]) -> str:
 def _second_opinion(
     name: str, raw: Path, result: Result, covered: bool, check_stopped: CheckStopped
 ) -> Generator[Line]:
-    """Compare a result with the independent program, by its command."""
+    """Compare a result with that of the independent program, ``calstation verify``."""
     expected = Text("validation.agrees")
     if not covered:
         reason = Text("validation.not_covered")

@@ -34,11 +34,11 @@ _STAGE = "six_position"
 #: Longest host time of a run, s.
 _TIMEOUT = 240.0
 #: Longest time between STOP and axes off on the bench in real time, s: the table decelerates from 100 °/s at
-#: 100 °/s², and the engine has one tick and the polls of the table.
+#: 100 °/s² in 1 s, and the rest is for one tick of the engine and the polls of the table.
 STOP_LIMIT = 2.0
-#: Rate of the table, rad/s, from which STOP is sent in real time: 90 °/s.
+#: Rate of the table above which STOP is sent in real time, rad/s: 90 °/s.
 _STOP_FROM = math.radians(90.0)
-#: Runs at the same time; each has several processes.
+#: Number of simultaneous runs; each has several processes.
 _PARALLEL = 2
 
 
@@ -185,7 +185,7 @@ def ending_lines(ending: Ending) -> Generator[Line]:
 
 
 def _with_load(line: Line) -> Line:
-    """Return a line of the rehearsal in real time, which fails also if other programs load the computer."""
+    """Return a line of the rehearsal in real time; if it failed, a load by other programs is a possible reason."""
     return replace(line, reason=Text("validation.loaded")) if line.state == "failed" else line
 
 

@@ -58,16 +58,16 @@ class Validation:
 
 
 def begin_record() -> Generator[Line]:
-    """Record the start in the audit trail, so that no validation can be discarded unseen.
+    """Record the start in the audit trail, so that a validation cannot be discarded unnoticed.
 
-    This makes the key of the station if it has none.
+    The key of the station is created if there is none.
     """
     append_audit(site_folder(), "validation_begun", "", software=__version__)
     yield Line.compared("rights", "recorded", "", Text("validation.recorded"), Text("validation.recorded"), good=True)
 
 
 def signed_json(validation: Validation) -> tuple[dict[str, Any], Text | None]:
-    """Return the JSON data with the head of the audit trail and the signature of the station, and why it has none."""
+    """Return the JSON data with the audit trail's head and the station's signature, and why it is unsigned, or None."""
     data: dict[str, Any] = {**validation.to_json(), "trail": None, "key": None, "signature": None}
     try:
         state = verify_trail(site_folder())
@@ -168,7 +168,7 @@ def find_validation_due(progress: ProgressCallback) -> Text | None:
 def validation_due() -> Text | None:
     """Return what has changed since the last validation of this site, or that it did not pass; None otherwise.
 
-    A site that has never been validated is not reminded, nor one whose audit trail cannot be read.
+    There is no reminder for a site that was never validated or whose audit trail cannot be read.
     """
     try:
         last = next((each for each in reversed(site_events(site_folder())) if each.event == "validation"), None)

@@ -19,7 +19,7 @@ from calstation.validation.references import REFERENCES, reference_lines
 from calstation.validation.rehearsals import CASES, rehearsal_lines
 from calstation.validation.report import Validation, begin_record
 
-#: What no validation on the virtual bench can cover; the names are those of the family ``validation_scope``.
+#: Aspects that no validation on the virtual bench covers; the names are those of the family ``validation_scope``.
 OUTSIDE = ("devices", "uncertainty", "network", "configuration", "people", "interpreter", "later")
 
 
