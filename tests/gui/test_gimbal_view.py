@@ -15,7 +15,7 @@ def plot_data(sigma: float) -> GimbalPlotData:
     """Return a solution of an axis with four turns by 30°, and a sigma of its misalignments, ″."""
     drift = np.array([57.6, 40.2, 28.1, 19.6]) * ARCSECOND
     predicted = drift[0] * 0.192 ** np.arange(4)
-    axis = GimbalAxis("x", np.deg2rad(30.0), drift, predicted, 1.0, 2.0, 1.2, 0.192, done=True)
+    axis = GimbalAxis("x", np.deg2rad(30.0), drift, predicted, 1.0, 2.0, 1.2, 0.192, converged=True)
     return GimbalPlotData((axis,), 20.0 * ARCSECOND, {"gyro_misalign_xy": (1e-4, sigma * ARCSECOND)})
 
 

@@ -17,7 +17,7 @@ from calstation.physics import PARAMETERS
 from calstation.records import LogMeta, RawLogWriter, context_from_meta, open_log
 from calstation.results import resolve, solve
 from calstation.results.plots.compensation import apply_to_recording, before_and_after
-from calstation.results.plots.method_answer import PositionPlotData, solve_method
+from calstation.results.plots.method_solution import PositionPlotData, solve_method
 from tests.helpers import ignore_progress, sampled
 from tests.site_folder import SiteFolder
 

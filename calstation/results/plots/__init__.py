@@ -9,12 +9,12 @@ from calstation.results.plots.compensation import (
     read_recording,
 )
 from calstation.results.plots.index import LogIndex, StageSpan, log_index, samples
-from calstation.results.plots.method_answer import (
+from calstation.results.plots.method_solution import (
     GimbalAxis,
     GimbalPlotData,
-    MethodAnswer,
+    MethodSolution,
     PositionPlotData,
-    gimbal_turns,
+    gimbal_plot_data,
     solve_method,
 )
 from calstation.results.plots.min_max_pyramid import (

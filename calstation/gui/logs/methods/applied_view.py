@@ -27,7 +27,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G, FloatArray
-from calstation.results.plots import Applied, MethodAnswer, apply_to_recording, before_and_after
+from calstation.results.plots import Applied, MethodSolution, apply_to_recording, before_and_after
 
 
 class AppliedView(QWidget):
@@ -37,8 +37,8 @@ class AppliedView(QWidget):
         super().__init__()
         self._panel, self._app = panel, panel.app
         #: The current solution, and the solution that the running job applies.
-        self._solution: MethodAnswer | None = None
-        self._applying: MethodAnswer | None = None
+        self._solution: MethodSolution | None = None
+        self._applying: MethodSolution | None = None
         self.applied: Applied | None = None
         self._other_unit: OtherUnit | None = None
         self._received = ""
@@ -65,7 +65,7 @@ class AppliedView(QWidget):
         self._app.engine_link.running_changed.connect(self._update)
         theme.on_appearance_change(self, self._refresh)
 
-    def show_solution(self, solution: MethodAnswer) -> None:
+    def show_solution(self, solution: MethodSolution) -> None:
         """Show a solution applied to its own recording."""
         self._solution = solution
         self.applied = self._other_unit = None
@@ -97,7 +97,7 @@ class AppliedView(QWidget):
         return job is not None and not job.cancellable
 
     @staticmethod
-    def _vectors(solution: MethodAnswer) -> tuple[FloatArray, FloatArray]:
+    def _vectors(solution: MethodSolution) -> tuple[FloatArray, FloatArray]:
         """Return all parameters before and after; parameters that the method does not estimate are equal."""
         return before_and_after({name: value for name, (value, _) in solution.before.items()}, solution.parameters)
 

@@ -66,15 +66,15 @@ class GimbalView(QWidget, DataView[GimbalPlotData]):
 
     def _axis_panel(self, axis: GimbalAxis) -> QFrame:
         badge, text, gains = StateBadge(), label(kind="muted", wrap=True), label()
-        verdict = say("logs.axis_below" if axis.done else "logs.axis_above", axis=axis.axis)
-        badge.show_state("good" if axis.done else "caution", verdict)
+        verdict = say("logs.axis_below" if axis.converged else "logs.axis_above", axis=axis.axis)
+        badge.show_state("good" if axis.converged else "caution", verdict)
         self.badges.append(badge)
         first, last = (three_digits(float(axis.drift[k]) / ARCSECOND) for k in (0, -1))
         angle, percent = three_digits(float(np.rad2deg(axis.angle))), three_digits(100.0 * axis.contraction)
         turns = {"count": len(axis.drift), "angle": angle, "first": first, "last": last, "percent": percent}
-        observed = "" if axis.observed is None else three_digits(100.0 * axis.observed)
+        observed = "" if axis.observed_contraction is None else three_digits(100.0 * axis.observed_contraction)
         text.setText(say("logs.turns_observed" if observed else "logs.turns", **turns, observed=observed))
-        gain, fastest, stable = (three_digits(value) for value in (axis.gain, axis.best, axis.largest))
+        gain, fastest, stable = (three_digits(value) for value in (axis.gain, axis.fastest_gain, axis.largest_gain))
         gains.setText(say("logs.gain_lines", gain=gain, fastest=fastest, stable=stable))
         return panel(badge, text, _GainBar(axis), gains)
 
@@ -98,8 +98,8 @@ class _GainBar(QWidget):
         axis, c = self._axis, theme.colours()
         painter = theme.painter(self)
         width = self.width() - 2.0
-        scale = width / (_EXTENT * max(axis.largest, axis.gain / 1.1, 1e-9))
-        best, largest, gain = (1.0 + scale * value for value in (axis.best, axis.largest, axis.gain))
+        scale = width / (_EXTENT * max(axis.largest_gain, axis.gain / 1.1, 1e-9))
+        best, largest, gain = (1.0 + scale * value for value in (axis.fastest_gain, axis.largest_gain, axis.gain))
         painter.setPen(QPen(QColor(c.line), 1))
         painter.setBrush(QColor(c.window))
         painter.drawRect(QRectF(1, _BAR_TOP, width, _BAR))
@@ -108,6 +108,6 @@ class _GainBar(QWidget):
         for x in (best, largest):
             painter.drawLine(QPointF(x, _BAR_TOP - 2), QPointF(x, _BAR_TOP + _BAR + 4))
         painter.setPen(Qt.PenStyle.NoPen)
-        painter.setBrush(QColor(c.accent if axis.gain < axis.largest else c.bad))
+        painter.setBrush(QColor(c.accent if axis.gain < axis.largest_gain else c.bad))
         corners = QPointF(gain, _BAR_TOP + 4), QPointF(gain - 7, _BAR_TOP - 6), QPointF(gain + 7, _BAR_TOP - 6)
         painter.drawPolygon(QPolygonF(corners))

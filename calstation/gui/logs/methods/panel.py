@@ -26,7 +26,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.results import check_pair, progress_from_note
-from calstation.results.plots import MethodAnswer, solve_method
+from calstation.results.plots import MethodSolution, solve_method
 from calstation.simulation import record_on_bench, recordings_folder
 
 #: The kind of recording (`simulation.Kind`) that each method solves.
@@ -40,7 +40,7 @@ class MethodPanel(JobView):
         super().__init__(app, stage)
         self.stage, self.source = stage, source
         self.path: Path | None = None
-        self.solution: MethodAnswer | None = None
+        self.solution: MethodSolution | None = None
         self.simulator = self.job(record_on_bench, self.open, failure="logs.no_recording")
         self.solver = self.job(solve_method, self._solved, failure="logs.no_answer")
         show = self._show_progress
@@ -130,7 +130,7 @@ class MethodPanel(JobView):
         self.solution = None
         self.views.clear()
 
-    def _solved(self, solution: MethodAnswer) -> None:
+    def _solved(self, solution: MethodSolution) -> None:
         self.solution = solution
         self.source.remember(solution.recording.path)
         self.views.show_solution(solution)

@@ -4,7 +4,7 @@ from calstation.gui.text import on_language_change, say, sigmas_text, with_minus
 from calstation.gui.widgets import NOTABLE_SIGMAS, Cell, CellTable, DataView, ordered, theme
 from calstation.physics import display, number
 from calstation.results import Parameter
-from calstation.results.plots import GimbalPlotData, MethodAnswer
+from calstation.results.plots import GimbalPlotData, MethodSolution
 
 _NUMBERS = ("value", "sigma", "before", "before_sigma", "other", "other_sigma", "apart", "truth", "truth_in_sigma")
 _SOLVED = (
@@ -24,7 +24,7 @@ _TRUTH = (
 )
 
 
-class SolutionTable(CellTable, DataView[MethodAnswer]):
+class SolutionTable(CellTable, DataView[MethodSolution]):
     """A table of the estimated parameters with their sigmas, and of the values before the calibration.
 
     For a gimbal, it contains the least-squares solution instead of the values before; for a recording of the virtual
@@ -35,7 +35,7 @@ class SolutionTable(CellTable, DataView[MethodAnswer]):
         super().__init__("method_table", "logs.parameters_found", grouped=True, row=4 * theme.GRID)
         on_language_change(self, self.refresh)
 
-    def draw(self, solution: MethodAnswer) -> None:
+    def draw(self, solution: MethodSolution) -> None:
         """Show the parameters of a solution."""
         result, truth = solution.resolved.result, solution.recording.truth
         other = solution.plot_data.least_squares if isinstance(solution.plot_data, GimbalPlotData) else {}

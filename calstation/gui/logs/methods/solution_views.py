@@ -26,7 +26,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.messages import event_text
-from calstation.results.plots import GimbalPlotData, MethodAnswer, PairPlotData, PositionPlotData
+from calstation.results.plots import GimbalPlotData, MethodSolution, PairPlotData, PositionPlotData
 
 
 class SolutionViews(QWidget):
@@ -72,7 +72,7 @@ class SolutionViews(QWidget):
             self.tabs.setCurrentIndex(self.tabs.count() - 1)
             self.live.start_button.setFocus()
 
-    def show_solution(self, solution: MethodAnswer) -> None:
+    def show_solution(self, solution: MethodSolution) -> None:
         """Fill all views with a solution and show the first of them."""
         self._solved = True
         data = solution.plot_data
@@ -109,7 +109,7 @@ class SolutionViews(QWidget):
             self.tabs.setTabToolTip(index, unsolved)
 
 
-class _SolutionHead(QWidget, DataView[MethodAnswer]):
+class _SolutionHead(QWidget, DataView[MethodSolution]):
     """The verdict on a solution, its recording and its remarks; hidden if there is no solution."""
 
     def __init__(self) -> None:
@@ -119,7 +119,7 @@ class _SolutionHead(QWidget, DataView[MethodAnswer]):
         self.hide()
         on_language_change(self, self.refresh)
 
-    def draw(self, solution: MethodAnswer) -> None:
+    def draw(self, solution: MethodSolution) -> None:
         """Show a solution."""
         show_text(self._remarks, "\n".join(say(event_text(key, values)) for key, values in solution.resolved.messages))
         self._badge.show_state(*self._verdict(solution))
@@ -127,12 +127,12 @@ class _SolutionHead(QWidget, DataView[MethodAnswer]):
         self._badge.setToolTip(plain_tip(checks_tip(notable)))
         result, recording = solution.resolved.result, solution.recording
         duration = duration_text(recording.duration)
-        parts = [recording.serial, say("logs.recording_length", duration=duration, rate=recording.rate)]
+        parts = [recording.serial, say("logs.recording_length", duration=duration, rate=recording.sample_rate)]
         if undetermined := len(result.undetermined):
             parts.append(say("logs.lost_count", lost=undetermined, count=len(result.parameters)))
         self._about.setText("  ·  ".join(parts))
 
-    def _verdict(self, solution: MethodAnswer) -> tuple[str, str]:
+    def _verdict(self, solution: MethodSolution) -> tuple[str, str]:
         result = solution.resolved.result
         failed = len(result.failed_checks)
         near = sum(check.near_miss for check in result.checks)

@@ -17,7 +17,7 @@ from calstation.gui.text import on_language_change, rendered
 from calstation.gui.widgets import PANEL, PlainLabel, StateIcon, column, grid, label, row, set_subject, stack, theme
 from calstation.messages import Text
 from calstation.physics import ALIGNED
-from calstation.results.plots import gimbal_turns
+from calstation.results.plots import gimbal_plot_data
 from calstation.sequencer import (
     ChamberChanged,
     Command,
@@ -157,7 +157,7 @@ class LiveView(QWidget):
                 self.table.show_motion(event)
             case GimbalTurned():
                 self._turns.append(event)
-                self.gimbal.show_data(gimbal_turns(self._turns, self._run.joint_order))
+                self.gimbal.show_data(gimbal_plot_data(self._turns, self._run.joint_order))
                 self._refresh()
             case ChamberChanged():
                 self.temperature.add()

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -58,13 +59,13 @@ class GimbalAxis:
     drift: FloatArray  #: Larger drift of the other two joints in each turn, rad, shape (turns,).
     predicted: FloatArray  #: Drift predicted from the first drift and the gain, rad, shape (turns,).
     gain: float  #: Gain used, rad/rad.
-    largest: float  #: Largest convergent gain, rad/rad.
-    best: float  #: Gain with the fastest convergence, rad/rad; 0 if there is none.
+    largest_gain: float  #: Largest convergent gain, rad/rad.
+    fastest_gain: float  #: Gain with the fastest convergence, rad/rad; 0 if there is none.
     contraction: float  #: Remaining fraction of the error after each turn at `gain`.
-    done: bool  #: Whether the last drift is below the threshold.
+    converged: bool  #: Whether the last drift is below the threshold.
 
     @property
-    def observed(self) -> float | None:
+    def observed_contraction(self) -> float | None:
         """Mean remaining fraction of the drift after each turn; None for a single turn or without a drift."""
         turns = len(self.drift) - 1
         if turns < 1 or self.drift[0] == 0.0:
@@ -85,7 +86,7 @@ class GimbalPlotData:
     def excessive_sigma(self) -> float | None:
         """Largest misalignment sigma, rad, if it exceeds the threshold although the drift of an axis is below it."""
         largest = max((sigma for _, sigma in self.least_squares.values()), default=0.0)
-        return largest if largest > self.threshold and any(axis.done for axis in self.axes) else None
+        return largest if largest > self.threshold and any(axis.converged for axis in self.axes) else None
 
 
 @dataclass(frozen=True)
@@ -94,14 +95,14 @@ class Recording:
 
     path: Path
     serial: str
-    rate: float  #: Sample rate, Hz.
+    sample_rate: float  #: Hz.
     duration: float  #: Duration, s.
     truth: Mapping[str, float]  #: True parameters, SI, of a recording of the virtual bench.
     registers: Mapping[str, float]  #: Registers with which the unit corrected the output, SI; {} for none.
 
 
 @dataclass(frozen=True)
-class MethodAnswer:
+class MethodSolution:
     """Solution of a recording."""
 
     recording: Recording
@@ -118,7 +119,7 @@ class MethodAnswer:
         return self.resolved.result.parameters
 
 
-def solve_method(report: ProgressCallback, path: Path, stage: str) -> MethodAnswer:
+def solve_method(report: ProgressCallback, path: Path, stage: str) -> MethodSolution:
     """Job: solve a recording as the stage ``multi_position``, ``gimbal`` or ``cross_calibration``.
 
     Only the samples of this stage are solved or, if there are none, the whole recording. Raises InputError or
@@ -144,7 +145,7 @@ def solve_method(report: ProgressCallback, path: Path, stage: str) -> MethodAnsw
     duration = (samples.last_seq - samples.first_seq + 1) / rate
     recording = Recording(path, meta.imu.serial, rate, duration, read_truth(path), meta.registers)
     plot_data = _plot_data(log, stage, resolved.result, schedule)
-    return MethodAnswer(recording, stage, resolved, _before(meta, stage), schedule, plot_data)
+    return MethodSolution(recording, stage, resolved, _before(meta, stage), schedule, plot_data)
 
 
 def _plot_data(
@@ -204,7 +205,7 @@ def _position_plot_data(
     )
 
 
-def gimbal_turns(turns: Sequence[GimbalTurned], order: str) -> GimbalPlotData:
+def gimbal_plot_data(turns: Sequence[GimbalTurned], order: str) -> GimbalPlotData:
     """Return the plot data of the turns of a run so far; `order` contains the joints from base to body."""
     axes = []
     for axis in dict.fromkeys(turn.axis for turn in turns):
@@ -226,20 +227,20 @@ def _axis(row: Mapping[str, Any], order: str, threshold: float) -> GimbalAxis:
     axis, angle = AXES.index(row["axis"]), float(np.mean(np.abs(row["angles"])))
     drift = np.abs(np.array(row["drifts"])).max(axis=1)
     largest, remaining = float(row["largest_gain"]), float(row["contraction"])
-    best = 0.0
+    fastest = 0.0
     if largest > 0.0:
         from scipy.optimize import minimize_scalar  # slow to import and rarely needed
 
-        bounds = (0.0, largest)
-        best = float(minimize_scalar(lambda g: contraction(order, axis, angle, g), bounds=bounds, method="bounded").x)
+        found = minimize_scalar(partial(contraction, order, axis, angle), bounds=(0.0, largest), method="bounded")
+        fastest = float(found.x)
     return GimbalAxis(
         axis=row["axis"],
         angle=angle,
         drift=drift,
         predicted=drift[0] * remaining ** np.arange(len(drift)),
         gain=float(row["gain"]),
-        largest=largest,
-        best=best,
+        largest_gain=largest,
+        fastest_gain=fastest,
         contraction=remaining,
-        done=bool(drift[-1] < threshold),
+        converged=bool(drift[-1] < threshold),
     )
