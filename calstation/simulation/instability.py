@@ -57,7 +57,7 @@ class MismatchedCovariance:
         self.P = T @ self.P @ T.T + noise
 
 
-def instability_ratio(block: SampleBlock, context: SolveContext, prior: Posterior) -> FloatArray:
+def normalised_error_covariance(block: SampleBlock, context: SolveContext, prior: Posterior) -> FloatArray:
     """Return the error covariance under the bench's noise, normalised by the filter's sigmas, shape (30, 30).
 
     Parameters

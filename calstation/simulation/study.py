@@ -41,7 +41,7 @@ from calstation.physics import (
     targets_reached,
 )
 from calstation.results import StageChain, one_blas_thread
-from calstation.simulation.instability import instability_ratio
+from calstation.simulation.instability import normalised_error_covariance
 from calstation.simulation.study_table import UnitResult, summary
 from procedures import DEFAULT_STAGES, method
 
@@ -147,7 +147,7 @@ def run_study(
     rows = []
     for g in grades:
         for case in cases:
-            ratio = instability_ratio(*_excitation_problem(g, schedules or {})) if case.instability else None
+            ratio = normalised_error_covariance(*_excitation_problem(g, schedules or {})) if case.instability else None
             rows.append({"grade": g, "case": case.name, **summary(collected[g, case.name], ratio)})
     return {"schema": "calstation.study/1", "rows": rows, "passed": all(r["passed"] for r in rows)}
 

@@ -46,18 +46,18 @@ def rms_band(correlations: list[FloatArray]) -> tuple[float, float]:
     return low, high
 
 
-def summary(units: list[UnitResult], true_covariance_ratio: FloatArray | None) -> dict[str, Any]:
+def summary(units: list[UnitResult], error_covariance: FloatArray | None) -> dict[str, Any]:
     """Return the statistics of one case as JSON data.
 
-    `true_covariance_ratio` is the covariance of the error normalised by the filter's sigmas, shape (30, 30), if the
-    noise exceeds the filter's model; its trace widens the bands.
+    `error_covariance` is the covariance of the errors, normalised by the filter's sigmas, shape (30, 30), if the noise
+    exceeds the filter's model; the bands of the groups then follow from it.
     """
     estimated = np.flatnonzero(units[-1].estimated)
     groups = {}
     for group in GROUPS:
         indices = [i for i in group_indices(group) if i in estimated]
         if indices:
-            groups[group] = _group(units, indices, true_covariance_ratio)
+            groups[group] = _group(units, indices, error_covariance)
     nees = _nees(units, estimated)
     over_bound, correlations = [], []
     for unit in units:
@@ -81,7 +81,7 @@ def summary(units: list[UnitResult], true_covariance_ratio: FloatArray | None) -
         "bound_limit": limit,
         "nis": nis,
         "seconds": {"mean": float(np.mean([u.seconds for u in units])), "largest": max(u.seconds for u in units)},
-        "passed": groups_passed and (true_covariance_ratio is not None or (nees["passed"] and bound <= limit)),
+        "passed": groups_passed and (error_covariance is not None or (nees["passed"] and bound <= limit)),
     }
 
 
