@@ -165,7 +165,7 @@ def _hand_over(runs: Path, name: str, folder: Path) -> None:
 
 
 def _append(folder: Path, name: str, result: Result) -> None:
-    """Append the run's line unless it exists, after the header in a new file, in one write."""
+    """Append the run's line in one write, unless it exists; a new file starts with the header."""
     end = f",{name}.json\n"  # exact, because another program opens the file
     with ExitStack() as stack:
         try:

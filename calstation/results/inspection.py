@@ -21,12 +21,8 @@ from procedures import method, names
 #: 200 Hz in about 0.6 GB. Further samples are only counted.
 MAX_TESTED = 1_000_000
 #: Codes of the messages about wrong physical units, which contradict gravity or the table.
-_UNIT_ERRORS = frozenset(
-    {
-        *("recording.accel_unit", "recording.gyro_unit", "recording.gyro_unit_no_rest"),
-        *("cause.accel_unit", "cause.gyro_unit"),
-    }
-)
+_UNIT_ERRORS = {"recording.accel_unit", "recording.gyro_unit", "recording.gyro_unit_no_rest"}
+_UNIT_ERRORS |= {"cause.accel_unit", "cause.gyro_unit"}
 
 
 @dataclass(frozen=True)

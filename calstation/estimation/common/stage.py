@@ -189,9 +189,9 @@ def _scaled(counts: FloatArray, size: float) -> FloatArray:
 def _time_jumps(seq: IntArray, time: FloatArray, dt: float) -> BoolArray:
     """Return whether the time jumps permanently after each sample, not only by jitter of arrival, shape (n − 1,)."""
     jumps = np.abs(np.diff(time) - dt) > 0.5 * dt
-    late = time - seq * dt
+    delay = time - seq * dt
     for k in np.flatnonzero(jumps & (np.diff(seq) == 1)):
-        before, after = late[max(k + 1 - _JITTER_SAMPLES, 0) : k + 1], late[k + 1 : k + 1 + _JITTER_SAMPLES]
+        before, after = delay[max(k + 1 - _JITTER_SAMPLES, 0) : k + 1], delay[k + 1 : k + 1 + _JITTER_SAMPLES]
         jumps[k] = abs(float(np.median(after) - np.median(before))) > 0.5 * dt
     return jumps
 

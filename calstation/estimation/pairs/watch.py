@@ -234,12 +234,12 @@ class PairWatch:
         return events
 
     def _calibrate(self, now: float, last: bool) -> list[WatchEvent]:
-        """Calibrate once there is enough motion; only the `last` evaluation reports a failure."""
+        """Calibrate once there is enough motion; only the last evaluation reports a failure."""
         if self._fits is None:
-            late = last or sum(map(len, self._blocks)) >= self._schedule.longest_s * self._imu.sample_rate
-            if self._motion < self._schedule.motion_s and not late:
+            is_final = last or sum(map(len, self._blocks)) >= self._schedule.longest_s * self._imu.sample_rate
+            if self._motion < self._schedule.motion_s and not is_final:
                 return []
-            self._fits = self._submit(partial(self._fit, late, stage_data(self._blocks, self._imu), self._motion))
+            self._fits = self._submit(partial(self._fit, is_final, stage_data(self._blocks, self._imu), self._motion))
         if not last and not self._fits.done():
             return []
         (done, failed, last_fits), self._fits = self._fits.result(), None

@@ -433,10 +433,10 @@ def _candidates(
 
 
 def _is_scatter(gain: float, count: int, rest: float, freedom: int) -> bool:
-    """Return whether columns explain no more of the residual of a group than they would of scatter, by an F test.
+    """Return, by an F test, whether columns explain no more of a group's residual than they would of random scatter.
 
-    Columns that leave only noise are a cause. The remaining variance is at least that of the noise. Without redundancy,
-    a cause cannot be distinguished from scatter.
+    If they leave only noise, they are the cause. The variance of the scatter is at least that of the noise. Without
+    redundancy, a cause cannot be distinguished from scatter.
 
     Parameters
     ----------
@@ -477,7 +477,7 @@ def _hysteresis_columns(equations: Equations, group: str, ways: FloatArray) -> t
 
 
 def _each_point(equations: Equations, group: str) -> FloatArray:
-    """Return the columns of an independent change of a group at every point."""
+    """Return the columns of changes of a group that are independent from point to point."""
     return np.hstack([equations.columns(group, row) for row in np.eye(len(equations.points))])
 
 
