@@ -16,7 +16,7 @@ class LogArchiver:
         self._outbox = Outbox(folder)
         self._uncopied_logs: list[str] = []  #: Names of closed logs that are not in the archive.
         self._failed: set[str] = set()  #: Names of logs that could not be copied since the last success.
-        #: Value of the index's `mark` when every log was closed and copied; None before.
+        #: Value of the index's `change_token` when every log was closed and copied; None before.
         self._idle_version: str | None = None
 
     def copy_next(self) -> bool:
@@ -58,13 +58,13 @@ class LogArchiver:
         exhausted or a copy fails. If it is empty and no log is being written, it is rebuilt only after a change of the
         index.
         """
-        mark = self._outbox.index.mark
-        if mark is not None and mark == self._idle_version:
+        token = self._outbox.index.change_token
+        if token is not None and token == self._idle_version:
             return []
         copied = self._outbox.copies()
         logs = [name for name in self._outbox.index.stamps() if name not in copied and self._log(name).exists()]
         names = sorted(name for name in logs if self._is_closed(name))
-        self._idle_version = None if logs else mark
+        self._idle_version = None if logs else token
         if self._failed.issuperset(names):
             self._failed.clear()
         return sorted(names, key=lambda name: (name in self._failed, name))

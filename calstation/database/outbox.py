@@ -70,7 +70,7 @@ class Outbox:
         """Open the outbox. Raises ConfigurationError if the folder was moved or copied, or cannot be used."""
         self.folder = folder
         self._to_send: list[str] = []  #: Names of the runs to send, the oldest first.
-        #: Value of the index's `mark` and revision when all messages had been sent; None before.
+        #: Value of the index's `change_token` and revision when all messages had been sent; None before.
         self._compared: tuple[str | None, int] | None = None
         #: Stamps and reasons of messages that the database refused; the next process sends them again.
         self._refused: dict[tuple[str, str], tuple[str, str]] = {}
@@ -112,13 +112,13 @@ class Outbox:
         for changed, _ in self._history.refresh_in_parts():
             if changed and time.monotonic() >= end:
                 return False
-        acknowledged, mark = self._stamps(), self.index.mark
-        if mark is None or (mark, self.revision) != self._compared:
+        acknowledged, token = self._stamps(), self.index.change_token
+        if token is None or (token, self.revision) != self._compared:
             stamps = self.index.stamps()
             names = [name for name, stamp in stamps.items() if acknowledged.get(("run", name)) != stamp]
             names = [name for name in names if not self._is_refused("run", name, stamps[name])]
             self._to_send = sorted(names, key=lambda name: (_file_time(stamps[name]), name))
-            self._compared = None if names else (mark, self.revision)
+            self._compared = None if names else (token, self.revision)
         return True
 
     def pages(self) -> Iterator[list[OutboxMessage]]:

@@ -1,8 +1,7 @@
-"""Records of runs: raw logs, CSV, their configuration, and the index of runs.
+"""Records of runs: raw logs, CSV logs, their configurations, and the index of runs.
 
-The package contains no solvers and no devices. It has more than 15 modules, one for each section of a log's
-configuration, each step from a file to samples, and each table of the index. Its subpackages are the formats of logs,
-and `evidence`.
+The package contains no solvers and no device drivers. It has more than 15 modules: the sections of a log's
+configuration, the steps from a file to samples, and the index. Its subpackages are the formats of logs, and `evidence`.
 """
 
 from typing import TYPE_CHECKING, Any

@@ -1,8 +1,8 @@
 """Sample counter and clock derived from time stamps alone, which are either clock times or arrival times.
 
-A sample arrives late, never early, so the earliest of many samples represent the sample clock. Lost samples shift all
-later ones; a late sample does not shift any. The times of a recording are kept in a temporary file, so that memory does
-not grow with its length; medians are taken over rows spread evenly over it.
+Samples may arrive late but never early, so the earliest arrivals follow the sample clock. A lost sample shifts all
+later arrivals; a late sample shifts only its own. The times are kept in a temporary file, so that memory use does not
+grow with the length of the recording; medians use evenly spaced rows.
 """
 
 from collections.abc import Iterator
@@ -13,25 +13,25 @@ import numpy as np
 from calstation.physics import FloatArray, IntArray
 from calstation.records.temporary_rows import TemporaryRows
 
-#: Time over which the earliest samples before and after a possible gap are compared, s.
+#: Length of the windows before and after a possible gap whose earliest arrivals are compared, s.
 _WINDOW = 1.0
 #: Times over which the mean period is determined, s.
 _BASELINES = (1.0, 10.0)
-#: Largest deviation of a clock's step from whole periods, in periods, and the fraction of steps that may exceed it.
+#: Largest deviation of a clock's step from whole periods, in periods, and fraction of steps that may exceed it.
 _MAX_DEVIATION, _MAX_FRACTION = 0.25, 0.01
-#: A step that differs by more than this from the sample period, in periods, is a gap or a late arrival.
+#: Deviation of a step from the sample period, in periods, above which the step is a gap or a late arrival.
 _IRREGULAR = 0.5
 #: Shift of the earliest arrivals, in periods, above which samples are missing. Samples that arrive in bursts vary by up
 #: to one period, so a single lost sample is not detected.
 _MIN_SHIFT = 1.5
-#: Multiple of the typical change of the earliest arrivals from window to window that indicates missing samples.
+#: Multiple of the typical change of the earliest arrivals between windows that is added to `_MIN_SHIFT`.
 _SCATTER_FACTOR = 6.0
-#: Multiple of the median deviation from a first line beyond which an arrival is excluded from the final line.
+#: Arrivals that deviate from a preliminary line by more than this multiple of the median are left out of the final fit.
 _OUTLIER_FACTOR = 5.0
 #: Largest number of rows over which a median is taken.
 _MAX_ROWS = 2**18
 
-#: Row of the times of a recording: time, s, number of the row, and whether it repeats the row before.
+#: Row of the times of a recording: time, s, row number, and whether the row repeats the previous one.
 TIMES = np.dtype([("time", "<f8"), ("row", "<i8"), ("repeated", "?")])
 #: Row of a clock: sample counter and time, s.
 CLOCK = np.dtype([("seq", "<i8"), ("time", "<f8")])
@@ -39,15 +39,15 @@ CLOCK = np.dtype([("seq", "<i8"), ("time", "<f8")])
 
 @dataclass(frozen=True)
 class SampleTimes:
-    """Sample counter and clock that were derived from the times of a recording."""
+    """Sample counter and clock derived from the times of a recording."""
 
-    #: Rows `CLOCK`: continuous count from 0, and times as given, or on a line fitted to the arrival times.
+    #: Rows `CLOCK`: count from 0, with gaps for missing samples, and given times or times on a line fitted to arrivals.
     clock: TemporaryRows
     jitter: float  #: Rms deviation of the arrival times from the line, s; 0 if the times are clock times.
 
 
 def sample_period(times: TemporaryRows, nominal: float) -> float:
-    """Return the period of samples in order, s, given their times as rows `TIMES`.
+    """Return the sample period, s, from the times of successive samples in rows `TIMES`.
 
     The median of single steps is insensitive to gaps, the median over longer times to jitter; the candidate nearest to
     `nominal` is returned.
@@ -58,7 +58,7 @@ def sample_period(times: TemporaryRows, nominal: float) -> float:
 
 
 def are_arrivals(seq: IntArray, time: FloatArray, period: float) -> bool:
-    """Return whether times of samples with a counter are arrival times: steps are irregular without missing samples.
+    """Return whether the times of counted samples are arrival times: irregular although no samples are missing.
 
     Parameters
     ----------
@@ -71,11 +71,11 @@ def are_arrivals(seq: IntArray, time: FloatArray, period: float) -> bool:
 
 
 def sample_times(times: TemporaryRows, nominal: float) -> SampleTimes:
-    """Return counter and clock of a recording, in a temporary file that the caller closes.
+    """Return the sample counter and clock of a recording in a temporary file, which the caller must close.
 
     Parameters
     ----------
-    times : rows `TIMES` in increasing order; their numbers leave out damaged rows
+    times : rows `TIMES` in increasing order; the row numbers skip damaged rows
     nominal : configured sample period, s
     """
     period = sample_period(times, nominal)
@@ -84,7 +84,7 @@ def sample_times(times: TemporaryRows, nominal: float) -> SampleTimes:
         steps = steps / period
         smallest = min(smallest, float(steps.min()))
         irregular += int(np.count_nonzero(np.abs(steps - np.rint(steps)) > _MAX_DEVIATION))
-    if len(times) < 2 or smallest < 0.0:  # decreasing times are an error or a restart, detected with the counter
+    if len(times) < 2 or smallest < 0.0:  # an error or a restart, which the counter shows
         _count(times, clock, None)
     elif smallest > _IRREGULAR and irregular <= _MAX_FRACTION * (len(times) - 1):
         _count(times, clock, period)
@@ -96,7 +96,7 @@ def sample_times(times: TemporaryRows, nominal: float) -> SampleTimes:
 
 
 def _steps(rows: TemporaryRows, interval: int, name: str) -> FloatArray:
-    """Return the differences of a field over `interval` rows, at most `_MAX_ROWS` of them, evenly spread."""
+    """Return at most `_MAX_ROWS` differences of a field over `interval` rows, evenly spaced."""
     return _thinned(_pairs(rows, interval, name), len(rows) - interval)
 
 
@@ -107,7 +107,7 @@ def _pairs(rows: TemporaryRows, interval: int, name: str) -> Iterator[FloatArray
 
 
 def _thinned(parts: Iterator[FloatArray], count: int) -> FloatArray:
-    """Return at most `_MAX_ROWS` of `count` values, evenly spread."""
+    """Return at most `_MAX_ROWS` of `count` values, evenly spaced."""
     stride, position, kept = -(-count // _MAX_ROWS), 0, [np.empty(0)]
     for part in parts:
         kept.append(part[-position % stride :: stride])
@@ -116,7 +116,7 @@ def _thinned(parts: Iterator[FloatArray], count: int) -> FloatArray:
 
 
 def _count(times: TemporaryRows, clock: TemporaryRows, period: float | None) -> None:
-    """Append counter and time of the samples of a clock; without `period`, the samples are only numbered."""
+    """Append counter and time of samples with clock times; without `period`, number the samples consecutively."""
     last: tuple[int, float] | None = None
     for part in times.parts():
         steps = np.ones(len(part))
@@ -135,7 +135,7 @@ def _append(clock: TemporaryRows, seq: IntArray, time: FloatArray) -> None:
 
 
 def _count_arrivals(times: TemporaryRows, clock: TemporaryRows, period: float) -> None:
-    """Append counter and time of arrival of the samples; the counter has gaps where samples are missing."""
+    """Append counter and arrival time of the samples; the counter has gaps where samples are missing."""
     window = max(round(_WINDOW / period), 8)
     first = int(times.read(0, 1)["row"][0])
     earliest = [np.zeros(2)]
@@ -164,12 +164,12 @@ def _count_arrivals(times: TemporaryRows, clock: TemporaryRows, period: float) -
 
 
 def _lateness(rows: np.ndarray, first: int, period: float) -> FloatArray:
-    """Return the times of rows less those of a clock that begins with the row `first`, s, shape (n,)."""
+    """Return the times of rows minus those of a uniform clock that is zero at row `first`, s, shape (n,)."""
     return np.asarray(rows["time"] - (rows["row"] - first) * period)
 
 
 def _fit(arrivals: TemporaryRows) -> SampleTimes:
-    """Return the clock on a line fitted to the times of arrival."""
+    """Return the counter and a clock whose times are on a line fitted to the arrival times."""
     half = len(arrivals) // 2
     slope = float(np.median(_steps(arrivals, half, "time") / _steps(arrivals, half, "seq")))
     seq, time = (

@@ -8,13 +8,13 @@ from calstation.estimation.common import SEQUENCE_MODULI, SequenceError
 from calstation.messages import Text
 from calstation.physics import FloatArray, IntArray
 
-#: Lengths of a day and of a GPS week, s, at which time of day and time of week begin again.
+#: Lengths of a day and of a GPS week, s, after which time of day and time of week restart.
 _DAY, _WEEK = 86400.0, 604800.0
-#: Longest step over a wrap, s and in sample periods; a longer one is a step of the clock.
+#: Longest step across a wrap, the larger of s and sample periods; at a longer step, the clock was set back.
 _WRAP_STEP, _WRAP_PERIODS = 1.0, 10.0
-#: Number of rows after a step back within which a return shows that rows are out of order.
+#: If the times return within this number of rows after a step back, the rows are out of order.
 _RETURN_ROWS = 8
-#: Deviation of a step from the sample period, in periods, from which the clock has jumped.
+#: Excess of a step over the expected one, in sample periods, above which the clock has jumped.
 _JUMP = 0.5
 
 
@@ -24,9 +24,9 @@ class TimeReport:
 
     wraps: int = 0  #: Number of wraps, which do not interrupt the time.
     steps_back: int = 0  #: Number of steps back of the clock.
-    jumps: int = 0  #: Number of steps forward although the counter shows no missing sample.
+    jumps: int = 0  #: Number of steps forward that are longer than the counter explains.
     repeated: int = 0  #: Number of repeated rows, which are left out.
-    counted: bool = False  #: Whether there are no time stamps, so that the samples are counted.
+    counted: bool = False  #: Whether there are no time stamps, so that the time follows from the count.
     jitter: float = 0.0  #: Rms deviation of arrival times from the line that replaces them, s.
 
     def reset(self) -> None:
@@ -49,12 +49,12 @@ class TimeReport:
 
 
 class ClockUnwrapper:
-    """Makes the time stamps of a recording increase, chunk by chunk.
+    """Makes the time stamps of a recording continuous, chunk by chunk.
 
-    A decrease from the end of the range of the clock to its start is a wrap: 2^16 or 2^32 units of the time stamps, a
-    day or a GPS week. At another decrease, the clock was set back: with a counter, the time continues as the counter
-    does, and without one after a gap of one sample. A decrease after which the times return within a few rows is an
-    error, because the rows are out of order.
+    A decrease from the end of the clock's range to its start is a wrap; the range is 2^16 or 2^32 units of the time
+    stamps, a day or a GPS week. At any other decrease, the clock was set back: the time then continues according to
+    the counter, or after a gap of one sample if there is no counter. If the times return within a few rows, the rows
+    are out of order, which is an error.
     """
 
     def __init__(self, period: float, unit: float, report: TimeReport) -> None:
@@ -68,7 +68,7 @@ class ClockUnwrapper:
     def feed(self, time: FloatArray, seq: IntArray | None) -> tuple[FloatArray, list[int]]:
         """Return the continuous time of the next samples, s, shape (n,), and the rows where the clock was set back.
 
-        `seq` is the counter of the samples, shape (n,); None without one. Raises SequenceError with the row.
+        `seq` is the sample counter, shape (n,), or None. Raises SequenceError with the row number.
         """
         if not len(time):
             return time, []
@@ -91,7 +91,7 @@ class ClockUnwrapper:
         return np.asarray(time + offsets), set_back
 
     def _change(self, row: int, before: float, now: float, counted: int, has_counter: bool) -> float:
-        """Return the correction of the time, s, from a row on at which it does not continue."""
+        """Return the correction of the time, s, from a discontinuous row onwards."""
         if now > before:
             if self._decrease is not None and row - self._decrease[0] <= _RETURN_ROWS and now > self._decrease[1]:
                 first = self._decrease

@@ -26,8 +26,8 @@ STATION = "station_s"
 #: Temperature of the air in a thermal chamber, °C.
 CHAMBER = "chamber_c"
 COLUMNS = (*REQUIRED, "temp_c", "valid", *JOINTS, STATION, CHAMBER)
-#: Columns that may be missing without a table; all but the angles may also be missing in a file of another program,
-#: and so may `time_s`: then the samples are counted.
+#: Columns that may be missing if there is no table. In a file of another program, all but the angles may be missing
+#: even with a table, and so may `time_s`: then the samples are counted.
 _OPTIONAL = (*ANGLES, "seq", "stage", "step")
 _GYROS = CHANNELS[:3]
 
@@ -66,7 +66,7 @@ _SENSORS = ("gyro", "accel")
 
 
 def further_channels(number: int) -> tuple[str, ...]:
-    """Return the columns of a secondary IMU on the same body: gyro2_x, ..., accel2_z."""
+    """Return the columns of a secondary IMU on the same body, for example gyro2_x, ..., accel2_z."""
     return tuple(f"{sensor}{number}_{axis}" for sensor in ("gyro", "accel") for axis in AXES)
 
 
@@ -83,7 +83,7 @@ class ColumnSection(StrictModel):
 
     #: Name of the column in the file, or its number from 1; if all are numbers, the file needs no header row.
     source: str | int | None = Field(default=None, alias="from")
-    unit: str | None = None  #: None for counts, s, degrees and °C.
+    unit: str | None = None  #: None for the header's unit, or else counts, s, degrees or °C.
     value: str | None = None  #: The stage of all samples; permitted only for the column `stage`.
 
 
@@ -133,7 +133,7 @@ def read_configuration(file: Path) -> dict[str, Any]:
 
 
 def unit_of(name: str, unit: str) -> str | None:
-    """Return the unit of a column of the CSV format, "" if it is unknown or the format's; None for another column."""
+    """Return the standard spelling of a column's unit, "" for counts or an unknown unit; None for an unknown column."""
     unit = _SPELLINGS.get(unit.lower(), unit)
     return (unit if unit in _units(name) else "") if is_column(name) else None
 
@@ -166,7 +166,7 @@ def unit_factors(layout: "Layout", meta: LogMeta) -> dict[str, float]:
 def min_step(columns: Iterable[FloatArray]) -> float:
     """Return the smallest difference between two values of a column, shape (n,) each; 0 if all are constant.
 
-    It is at least so large that the largest value is a multiple of it that float64 represents.
+    The result is at least 2^-53 of the largest magnitude, so that float64 can represent all multiples of it.
     """
     values = [np.unique(column[np.isfinite(column)]) for column in columns]
     steps = [float(np.diff(each).min()) for each in values if len(each) > 1]
@@ -207,7 +207,7 @@ class Layout:
 
     @property
     def sources(self) -> dict[str, str]:
-        """Cells of the header row, and units, of the columns whose name or unit differs from the CSV format."""
+        """Header cell and unit of each column whose name or unit differs from the CSV format, as text."""
         cells = self.header or [f"column {number}" for number in range(1, len(self.names) + 1)]
         sources = {}
         for name, cell in zip(self.names, cells, strict=True):
@@ -296,8 +296,8 @@ def _cells(line: str, separator: str) -> list[str]:
 def _header(lines: list[str], expected: set[str]) -> tuple[int, str, list[str]]:
     """Return the number of lines up to the end of the header row, its separator and its cells.
 
-    The header row is the line with most of the `expected` names. If no line has any of them, it is the first line that
-    is not a comment.
+    The header row is the first line with at least two of the `expected` names, or else the first line with one. If no
+    line has any of them, it is the first line that is not a comment.
     """
     best_score, best = 0, (0, _PLAIN_SEPARATOR, list[str]())
     for number, line in enumerate(lines, 1):
@@ -335,7 +335,7 @@ def _is_number(cell: str, separator: str) -> bool:
 
 
 def _index_of(path: Path, names: list[str], bases: list[str], name: str, source: str | int) -> int:
-    """Return the index of the column from which `name` is read; `bases` are its names without units.
+    """Return the index of the column from which `name` is read; `bases` are the column names without units.
 
     Raises InputError.
     """

@@ -62,7 +62,7 @@ def export_corrected(
     ----------
     source : log of the samples; None for samples of a connected unit
     meta, blocks : configuration and samples
-    correct : returns rate and force from the output, rad/s and m/s², shape (n, 3) each, and its temperature, °C
+    correct : function that corrects the samples, see `Correction`
     target : file to write, .csv or .csv.gz
 
     Raises
@@ -89,7 +89,7 @@ def _with_pauses(log: Log) -> LogMeta:
 
 
 def _check_target(target: Path, sources: Iterable[Path]) -> None:
-    """Raise InputError if the name is not a CSV name, or if the CSV or its TOML would replace one of `sources`."""
+    """Raise InputError if `target` has no CSV suffix, or if the CSV or its TOML would replace one of `sources`."""
     if not target.name.endswith((".csv", ".csv.gz")):
         raise InputError("csv.export_name", file=target)
     for created, source in itertools.product((target, meta_path(target)), sources):

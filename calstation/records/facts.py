@@ -1,6 +1,6 @@
 """Summary of the samples of a log (range, gaps, temperature, sha256, invalid and paused samples).
 
-It does not depend on the block sizes.
+The summary does not depend on the block sizes.
 """
 
 import hashlib
@@ -45,7 +45,7 @@ class FactsBuilder:
     """Accumulates `LogFacts` from consecutive blocks."""
 
     def __init__(self, meta: LogMeta) -> None:
-        # the pauses of an exported log are events of the exported one, which its digest does not include
+        # an exported log states as pauses what were events of the original log, which its digest does not include
         self._configuration = meta.model_copy(update={"pauses": []}).to_json()
         self._rows = hashlib.sha256()
         self._stages = hashlib.sha256()
@@ -112,16 +112,16 @@ class FactsBuilder:
 class UnusedSamples:
     """Finds the ranges of samples that a log marks as invalid, and whether they were recorded during a pause.
 
-    Samples of a pause are sound, but no step uses them. A pause includes the return to the start of the interrupted
-    step. A log without arrival times, or without events and stated pauses, does not reveal its pauses, nor does one
-    that begins with stages of another run, whose events and clock it lacks.
+    Samples of a pause are intact, but no step uses them. A pause includes the return to the start of the interrupted
+    step. Pauses are unknown in a log without arrival times, in a log without events and stated pauses, and in a log
+    that begins with stages copied from another run, whose events and clock are not copied.
     """
 
     def __init__(self, events: Iterable[Mapping[str, Any]], meta: LogMeta) -> None:
         self._pauses = [(start, *end, math.inf) for start, *end in pauses_of(events, meta)]
         #: The latest range, which the next block may continue, shape (0, 4) or (1, 4).
         self._latest = np.empty((0, 4), np.int64)
-        self.invalid = 0  #: Number of invalid samples without those of pauses, in the completed ranges.
+        self.invalid = 0  #: Number of invalid samples outside pauses, in the completed ranges.
         self.paused = 0  #: Number of samples of pauses, in the completed ranges.
 
     def add(self, block: SampleBlock) -> IntArray:
@@ -162,9 +162,9 @@ class UnusedSamples:
 
 
 def pauses_of(events: Iterable[Mapping[str, Any]], meta: LogMeta) -> list[list[float]]:
-    """Return the station times at which each pause of a log began and ended, s; without the end if it did not end.
+    """Return the station times of the start and the end of each pause of a log, s; only the start if it did not end.
 
-    They come from the events of a run, or from the configuration of an exported log, which has no events.
+    The times come from the events of a run, or from the configuration of an exported log, which has no events.
     """
     if meta.run is not None and meta.run.resumed_from is not None:
         return []

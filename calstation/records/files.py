@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-#: Permissions of a new file, which the umask or the default rights of its folder limit, as the site has chosen: several
-#: accounts of the computer may share a folder.
+#: Permissions of a new file before the umask or the default permissions of its folder restrict them; several accounts
+#: may share a folder.
 FILE_MODE = 0o666
 
 #: Error numbers for a file that another process has locked.
@@ -62,7 +62,7 @@ def locked(path: Path, timeout: float) -> Iterator[None]:
             raise TimeoutError(f"{path} is locked by another program")
         yield
     finally:
-        with suppress(OSError):  # it is not locked
+        with suppress(OSError):  # the file may not be locked
             _unlock(handle)
         os.close(handle)
 

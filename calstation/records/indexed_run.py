@@ -17,7 +17,7 @@ from calstation.records.check_id import CheckId, read_check_ids
 from calstation.records.verdict import Verdict
 
 T = TypeVar("T")
-#: Prefix of the table's quantities among the parameters of a row of the index.
+#: Prefix of the names of the table's quantities in the column `parameters` of the index.
 TABLE_PREFIX = "table."
 _DIGITS = re.compile(r"\d+")
 
@@ -48,19 +48,19 @@ class RunRecord:
     batch: str | None = None  #: Common identifier of the units that were on the table together; None for a single unit.
     slot: str | None = None  #: Name of the unit's slot on the table.
     altered: bool = False  #: Whether the result file differs from the log; the entries are then those of the log.
-    #: Whether it states a PASS that its log, which was not closed, neither confirms nor contradicts.
+    #: Whether the result states a PASS that the log, which was not closed, neither confirms nor contradicts.
     unconfirmed: bool = False
-    missing: bool = False  #: Whether its files are gone or unreadable; the entries are then those they had before.
+    missing: bool = False  #: Whether the files are missing or unreadable; the entries were read earlier.
     resumable: bool = False  #: Whether the run ended early after a stage or a temperature that need not be repeated.
     simulated: bool = False  #: Whether the virtual bench generated the samples.
-    result_sha256: str = ""  #: Digest of the result file, with which it is compared if its log is missing.
+    result_sha256: str = ""  #: Digest of the result file, which shows changes if the log is missing.
 
     @property
     def badge(self) -> str:
-        """The verdict as the window shows it.
+        """The verdict as displayed.
 
-        It is ``missing`` without its files, ``altered`` or ``unconfirmed`` if the result file differs from the log, and
-        ``released`` for a failed run whose unit was released.
+        It is ``missing`` if the files are missing, ``altered`` or ``unconfirmed`` if the result file differs from the
+        log, and ``released`` for a failed run whose unit was released.
         """
         if self.missing:
             return "missing"
@@ -74,7 +74,7 @@ class IndexedRun:
     """A row of the index."""
 
     name: str  #: Key of the row: the file name of the log without suffix.
-    stamp: str  #: Stamp of the files from which the row was read.
+    stamp: str  #: Stamp that changes with the files from which the row was read.
     record: RunRecord
     values: Mapping[str, float]  #: Solved values by parameter, SI.
     sigmas: Mapping[str, float]  #: Standard deviations of the values, SI.
@@ -136,7 +136,7 @@ class RunColumns:
 
 @dataclass(frozen=True)
 class RunFilter:
-    """Conditions that a run must all meet; "" means no condition."""
+    """Conditions, all of which a run must meet; "" means no condition."""
 
     search: str = ""  #: Part of a serial number, file name, product, station, operator or batch.
     verdict: str = ""
@@ -154,14 +154,14 @@ class RunFilter:
 
 @dataclass(frozen=True)
 class RunOrder:
-    """The order of runs by a field of `RunRecord`; of equal ones, the latest is first."""
+    """The order of runs by a field of `RunRecord`; runs with equal values are sorted by start, the latest first."""
 
     field: str
     descending: bool = False
 
 
 def natural_key(value: str | float) -> str | float:
-    """Return the key for sorting a value, in which the numbers within a text count as numbers."""
+    """Return the sort key of a value; numbers within a text are compared by magnitude."""
     return _DIGITS.sub(lambda digits: digits[0].zfill(20), value.casefold()) if isinstance(value, str) else value
 
 
@@ -222,7 +222,7 @@ def estimates_by_name(
     Parameters
     ----------
     parameters, numbers : columns of the n rows, as in `to_columns`
-    usual : names of the parameters in rows for which `parameters` is None
+    usual : names of the parameters as JSON, for rows in which `parameters` is None
     """
     names_of = [json.loads(names_json or usual) for names_json in parameters.values]
     column = {name: j for j, name in enumerate(dict.fromkeys(name for names in names_of for name in names))}

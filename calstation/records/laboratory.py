@@ -1,4 +1,4 @@
-"""Laboratory and instruments of a certificate, which are stored in the log so that it needs no other files."""
+"""Laboratory and instruments of a certificate, stored in the log so that a certificate needs no other files."""
 
 import re
 from datetime import date

@@ -96,7 +96,7 @@ class Log:
         )
 
     def facts(self, first_seq: int | None = None, last_seq: int | None = None) -> LogFacts:
-        """Return the facts of the samples from `first_seq` to `last_seq` (both included), with the sha256 of the log.
+        """Return the facts of the samples from `first_seq` to `last_seq` (both included), with the whole log's sha256.
 
         The whole log is read only once. Raises the errors of `blocks`.
         """

@@ -59,7 +59,7 @@ def open_log(path: Path, meta_file: Path | None = None, topic: str | None = None
     ----------
     path : the file, or a folder of CSV files
     meta_file : its configuration, if the file does not contain it; None for the TOML next to it
-    topic : topic of a foreign format; None for its only IMU
+    topic : topic in a file of a foreign format; None for the only IMU in the file
     """
     if foreign_format(path) is not None:
         return open_foreign(path, meta_file, topic)

@@ -122,7 +122,7 @@ class TableSection(StrictModel):
     base_tilt_sigma_deg: float = Field(default=0.2, gt=0, le=90)
     velocity_sigma: float = Field(default=1e-3, gt=0)
     velocity_interval_s: float = Field(default=0.1, gt=0)
-    #: Position of the inner axis on the outer one, along outer × inner and along the inner axis, and its sigma.
+    #: Offset of the inner axis from the outer axis, along outer × inner and along inner, and its sigma.
     axis_offset_mm: tuple[float, float] = Field(
         default=(0.0, 0.0), strict=False, exclude_if=lambda offset: not any(offset)
     )
@@ -194,11 +194,11 @@ class CalibrationSection(StrictModel):
 
 
 class OverriddenSection(StrictModel):
-    """A check standard or an instrument that was not in order when a run was allowed."""
+    """An overdue or failed check standard, or an expired certificate, despite which a run was allowed."""
 
-    reason: str  #: ``certificate`` for an instrument; for others the state of the check standard.
+    reason: str  #: ``certificate`` for an instrument, or else the state of the check standard.
     name: str  #: Serial number of the check standard, or name of the instrument.
-    since: str = ""  #: Due date, or time (UTC) when it was due or failed.
+    since: str = ""  #: Due date of the certificate, or time (UTC) at which the check standard was due or failed.
 
 
 class RunSection(StrictModel):
@@ -213,11 +213,11 @@ class RunSection(StrictModel):
     started_utc: str
     files: dict[str, FileSection] | None = None  #: Files by kind.
     clock_error_ppm: float | None = Field(default=None, ge=0)  #: Largest error of the station's clock.
-    resumed_from: str | None = None  #: Name of the log with whose completed stages this log begins.
+    resumed_from: str | None = None  #: Name of the log whose completed stages were copied to the start of this log.
     #: Reason for a run despite an overdue or failed check standard or certificate; None if all were valid.
     standard_override: str | None = None
     standard_override_by: list[str] | None = None  #: Persons who allowed this run; None in logs of earlier versions.
-    standard_overridden: list[OverriddenSection] | None = None  #: What was not in order then.
+    standard_overridden: list[OverriddenSection] | None = None  #: The check standards and certificates concerned.
     calibration: CalibrationSection | None = None  #: Source of the prior; None for the IMU profile.
     batch: str | None = None  #: Common identifier of the units that were on the table together; None for a single unit.
     slot: str | None = None  #: Name of the unit's slot on the table; None at a station with one unit.
@@ -288,9 +288,9 @@ class LogMeta(StrictModel):
 
     @property
     def turn_on_sigmas(self) -> dict[str, float]:
-        """Standard deviation, SI, of the change from one power-up to the next of each parameter, if it is known.
+        """Known standard deviations, SI, of the changes of parameters from one power-up to the next.
 
-        It is stated in `[stability]` of the IMU profile in the log.
+        They are stated in `[stability]` of the IMU profile in the log.
         """
         stability = parse_toml(self.profiles.get("imu", "")).get("stability", {})
         rows = stability.items() if isinstance(stability, dict) else ()
@@ -372,7 +372,7 @@ def meta_from_json(text: str, source: str | Path) -> LogMeta:
 
 @lru_cache(maxsize=64)
 def _is_profile(text: str) -> bool:
-    """Return whether a text is TOML whose stages, if there are any, are names."""
+    """Return whether a text is TOML whose entry `stages`, if there is one, is a list of names."""
     try:
         stages = parse_toml(text).get("stages", [])
     except tomllib.TOMLDecodeError:

@@ -100,14 +100,14 @@ class ImprovementAtRest(StrictModel):
     """Largest fraction of the difference in magnitude between force and gravity that remains after calibration."""
 
     below: float = Field(gt=0)  #: Largest remaining fraction.
-    #: Smallest limit of the remaining error, m/s²; it applies if the fraction `below` would be smaller.
+    #: Lower bound, m/s², of the limit of the remaining error, which otherwise follows from `below`.
     or_within: float = Field(default=0.0, ge=0)
     positions: Positions | None = None  #: Rests to compare; None for all rests.
     stage: str | None = None  #: Stage of the rests; None for the last stage with rests.
 
 
 class Level(StrictModel):
-    """Largest force errors, m/s², at the level position, which is the first rest or rest `position` of `stage`."""
+    """Largest specific-force errors, m/s², at the level position, which is the rest number `position` of `stage`."""
 
     horizontal_within: float | None = Field(default=None, gt=0)
     vertical_within: float | None = Field(default=None, gt=0)
@@ -122,9 +122,9 @@ class MotionAngle(StrictModel):
     reference: Literal["gravity"] | None = None
     within: float | None = Field(default=None, gt=0)  #: Largest error, rad.
     below: float | None = Field(default=None, gt=0)  #: Largest remaining fraction of the uncalibrated error.
-    #: Smallest limit of the remaining error, rad; it applies if the fraction `below` would be smaller.
+    #: Lower bound, rad, of the limit of the remaining error, which otherwise follows from `below`.
     or_within: float = Field(default=0.0, ge=0)
-    #: Rests of which every pair is compared, with all motions between them; None for consecutive rests.
+    #: Rests that are compared in all pairs, over all motions between them; None for consecutive rests.
     positions: Positions | None = Field(default=None, min_length=2)
     stage: str | None = None  #: Stage of the motions; None for all stages.
 
@@ -206,11 +206,11 @@ class TemperatureSection(StrictModel):
     """`[temperature]`: parameters as polynomials of the temperature of the unit, °C."""
 
     reference_c: float = Field(default=25.0, ge=-100, le=200)
-    range_c: tuple[float, float] = Field(strict=False)  #: Temperatures that the result covers.
-    #: Order by group, 0 for other groups; ``auto`` for those that the data support.
+    range_c: tuple[float, float] = Field(strict=False)  #: Lowest and highest temperature that the result covers.
+    #: Order of the polynomial by group, 0 for groups not listed; ``auto`` for the orders that the data support.
     order: dict[str, Annotated[int, Field(ge=0, le=6)]] | Literal["auto"] = "auto"
-    rate_term: list[str] = Field(default_factory=list)  #: Groups with a term in the rate of change.
-    held_out_c: list[float] = Field(default_factory=list)  #: Temperatures that are compared, but not fitted.
+    rate_term: list[str] = Field(default_factory=list)  #: Groups with a term in the temperature's rate of change.
+    held_out_c: list[float] = Field(default_factory=list)  #: Temperatures that test the fit, but are not fitted.
 
     @model_validator(mode="after")
     def _check_entries(self) -> "TemperatureSection":

@@ -25,14 +25,14 @@ from calstation.records.meta import LogMeta
 from calstation.records.samples import SampleTable
 from calstation.records.temporary_rows import TemporaryRows
 
-#: Size limit of a stage's name, bytes, which the raw log also has.
+#: Size limit of a stage's name, bytes, as in the raw log.
 _MAX_STAGE = 64
 #: Largest number of characters of a stage's name that a message quotes.
 _MAX_QUOTED = 40
 #: Largest magnitudes that an IMU can measure, rad/s and m/s².
 _MAX_RATE, _MAX_FORCE = 1e3, 1e5
-#: Rows are taken for means of positions above this median angle between successive ones, rad, and below this relative
-#: scatter of their magnitudes.
+#: Rows are assumed to be means of positions if the median angle between the forces of successive rows, rad, exceeds the
+#: first limit and the relative scatter of their magnitudes does not exceed the second.
 _MEANS_ANGLE, _MEANS_SCATTER = 0.2, 0.03
 
 
@@ -140,11 +140,11 @@ class Recording:
             yield _Timed(table, seq, time, set_back)
 
     def _sample_times(self, files: ExitStack) -> tuple[SampleTimes, TemporaryRows | None]:
-        """Return counter and clock of the rows of the whole file without repeated rows, and `TIMES` if there are any.
+        """Return counter and clock of all rows but repeated ones, and the rows `TIMES` if any row is repeated.
 
-        In a file without counter, a row with the time and the values of the row before is repeated, unless the time
-        stamps are so coarse that rows with different values share them, or the sample rate is right with these rows.
-        `files` closes the temporary files.
+        In a file without a counter, a row with the time and the values of the previous row is repeated, unless the time
+        stamps are so coarse that rows with different values share them, or the sample rate agrees better with the
+        configuration if these rows count. `files` closes the temporary files.
         """
         nominal = 1.0 / self.meta.imu.sample_rate_hz
         rows = files.enter_context(TemporaryRows(TIMES))
@@ -202,7 +202,7 @@ class Recording:
                 raise InputError("csv.cell_implausible", **where, cell=cell, value=value, unit=unit)
 
     def _refuse_means(self, counts: FloatArray) -> None:
-        """Raise InputError if the direction of gravity changes in nearly every row: the rows are means of positions."""
+        """Raise InputError if the direction of the force changes in most rows: the rows are then means of positions."""
         force = counts[np.isfinite(counts[:, 3:]).all(axis=1), 3:]
         length = np.linalg.norm(force, axis=1)
         if len(force) < 4 or np.std(length) > _MEANS_SCATTER * np.mean(length):
@@ -217,7 +217,7 @@ class Recording:
 
 
 def _without_repeated(rows: TemporaryRows) -> TemporaryRows:
-    """Return the rows `TIMES` that are not repeated, with numbers that do not count the repeated ones."""
+    """Return the rows `TIMES` that are not repeated, renumbered without the repeated ones."""
     kept, repeated = TemporaryRows(TIMES), 0
     for part in rows.parts():
         before = repeated + np.cumsum(part["repeated"])

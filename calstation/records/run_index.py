@@ -34,9 +34,9 @@ from calstation.records.indexed_run import (
 from calstation.records.run_tables import (
     ACKNOWLEDGED,
     ACKNOWLEDGED_AT,
+    CHANGE_TOKEN,
     CHANGED,
     LATEST,
-    MARK,
     MEASURED,
     METADATA,
     NO_CHECKS,
@@ -62,10 +62,10 @@ _EPOCH = 2440587.5
 #: Longest time to wait for another program that has locked the index, s.
 _BUSY_S = 5.0
 
-#: Time after which an index that is kept in memory tries its file again, s.
+#: Time after which an index in memory tries its file again, s.
 _RETRY_S = 10.0
 
-#: Number of runs that are removed at once, so that other programs do not wait for the index.
+#: Number of runs that are removed in one transaction, so that other programs wait only briefly for the index.
 _MAX_REMOVED = 1000
 
 #: SQLite errors for a damaged file or a file that is not a database; all others, such as a full disk, may be temporary.
@@ -75,7 +75,7 @@ T = TypeVar("T")
 
 
 class RunIndex:
-    """Index of a folder of runs; it is kept in memory while its file is unusable, so that it never stops a run."""
+    """Index of a folder of runs; it is kept in memory while its file is unusable, which thus never stops a run."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -83,10 +83,10 @@ class RunIndex:
         self.may_lack_runs = False  #: Whether runs may be missing, because the index is new or its file was unusable.
         self._engine = _engine(f"sqlite:///{self._path}", NullPool)
         self._open: sa.Connection | None = None  #: Connection of `one_connection`.
-        self._file_id: int | None = None  #: Random number of the file that was used last.
+        self._file_id: int | None = None  #: Random number stored in the file that was used last.
         self._memory: sa.Engine | None = None  #: Index in memory, which replaces the file until `_retry_at`.
         self._retry_at = 0.0
-        #: Stamps as last read, with the value of `mark` at that time.
+        #: Stamps as last read, with the value of `change_token` at that time.
         self._stamps: tuple[str | None, dict[str, str]] = (None, {})
         self._try(_create)
 
@@ -109,24 +109,24 @@ class RunIndex:
             self._open = None
 
     @property
-    def mark(self) -> str | None:
-        """Value that every change of the runs replaces; None before the first change."""
-        return self._try(lambda connection: connection.execute(MARK).scalar())
+    def change_token(self) -> str | None:
+        """Random value that changes with every change of the runs; None before the first change."""
+        return self._try(lambda connection: connection.execute(CHANGE_TOKEN).scalar())
 
     def stamps(self) -> Mapping[str, str]:
         """Return the stamps of the runs of the folder by name, without those whose files are missing."""
         query = sa.select(RUNS.c.name, RUNS.c.stamp).where(RUNS.c.origin == "", PRESENT)
 
         def read(connection: sa.Connection) -> dict[str, str]:
-            mark = connection.execute(MARK).scalar()
-            if mark is None or mark != self._stamps[0]:
-                self._stamps = mark, dict(_rows(connection, query))
+            token = connection.execute(CHANGE_TOKEN).scalar()
+            if token is None or token != self._stamps[0]:
+                self._stamps = token, dict(_rows(connection, query))
             return self._stamps[1]
 
         return self._try(read)
 
     def update(self, runs: Iterable[IndexedRun], removed: Iterable[str] = (), missing: Iterable[str] = ()) -> None:
-        """Add or replace runs of the folder, remove those in `removed`, and keep those in `missing` without files."""
+        """Add or replace runs of the folder, remove those in `removed`, mark those in `missing` as without files."""
         rows, names, lost = [row_of(run) for run in runs], [*removed], [*missing]
         content = sa.func.json_set(RUNS.c.content, "$.missing", sa.func.json("true"))
 
@@ -144,7 +144,7 @@ class RunIndex:
     def names(self) -> dict[str, bool]:
         """Return the names of the runs of the folder, and whether their files are known to be missing."""
         query = sa.select(RUNS.c.name, RUNS.c.missing).where(RUNS.c.origin == "")
-        return {name: bool(missing) for name, missing in self._try(lambda connection: _rows(connection, query))}
+        return {name: bool(missing) for name, missing in self._select(query)}
 
     def runs_by_name(self, names: Sequence[str]) -> list[IndexedRun]:
         """Return the runs of the folder with these names."""
@@ -191,8 +191,7 @@ class RunIndex:
 
     def acknowledged(self) -> dict[tuple[str, str], str]:
         """Return the stamps that the shared database has acknowledged, by kind of message and name of the run."""
-        rows = self._try(lambda connection: _rows(connection, sa.select(ACKNOWLEDGED)))
-        return {(kind, name): stamp for kind, name, stamp in rows}
+        return {(kind, name): stamp for kind, name, stamp in self._select(sa.select(ACKNOWLEDGED))}
 
     def acknowledge(self, revision: int, stamps: Iterable[tuple[str, str, str]], *, replace: bool) -> None:
         """Store kind, name and stamp of messages acknowledged at a revision; `replace` removes all others."""
@@ -215,17 +214,16 @@ class RunIndex:
         return self._select_runs(sa.select(RUNS).where(part).order_by(*LATEST))
 
     def records(self, conditions: RunFilter, limit: int | None, offset: int, order: RunOrder) -> list[RunRecord]:
-        """Return at most `limit` runs that meet all conditions without their values, in this order from `offset`."""
+        """Return records of at most `limit` matching runs, sorted by `order`, starting at `offset`."""
         key = sort_key(order.field)
         by = LATEST if order == LATEST_FIRST else (key.desc() if order.descending else key, *LATEST)
         matching = sa.select(ROWID).select_from(RUNS).where(*conditions_of(conditions)).order_by(*by)
         part = ROWID.in_(matching.limit(limit).offset(offset))
         query = sa.select(RUNS.c.content).where(part).order_by(*by)
-        contents = self._try(lambda connection: _rows(connection, query))
-        return [self._located(record_from(content)) for (content,) in contents]
+        return [self._located(record_from(content)) for (content,) in self._select(query)]
 
     def counts(self, conditions: RunFilter) -> tuple[int, int]:
-        """Return the number of runs that meet all conditions, and of those of them with files."""
+        """Return the number of matching runs, and how many of them have files."""
         with_files = sa.func.count(sa.case((RUNS.c.missing, None), else_=1))
         query = sa.select(sa.func.count(), with_files).select_from(RUNS).where(*conditions_of(conditions))
         count, present = self._try(lambda connection: connection.execute(query).one())
@@ -241,7 +239,7 @@ class RunIndex:
         products, stations, operators = (tuple(sorted({row[k] for row in rows if row[k]})) for k in range(3))
         return RunChoices(products, stations, operators, first or "")
 
-    def of_unit(
+    def runs_of_unit(
         self,
         serial: str,
         verdicts: tuple[Verdict, ...] | None = None,
@@ -264,9 +262,7 @@ class RunIndex:
         missing : whether to include runs whose files are missing
         measured : whether to leave out simulated runs
         """
-        query = sa.select(RUNS).where(RUNS.c.serial == serial)
-        if measured:
-            query = query.where(MEASURED)
+        query = _of_kind(sa.select(RUNS).where(RUNS.c.serial == serial), measured=measured)
         if not missing:
             query = query.where(PRESENT)
         if product != "":
@@ -278,40 +274,34 @@ class RunIndex:
         return self._select_runs(query.order_by(*LATEST).limit(limit))
 
     def passed_units(self, *, measured: bool = False) -> set[str]:
-        """Return the serial numbers of the units with a run that passed and was not partial; see `of_unit`."""
+        """Return the serial numbers of the units with a run that passed and was not partial; see `runs_of_unit`."""
         query = sa.select(RUNS.c.serial).where(RUNS.c.verdict == Verdict.PASSED, sa.not_(RUNS.c.partial), PRESENT)
-        query = query.where(MEASURED) if measured else query
-        rows = self._try(lambda connection: _rows(connection, query.distinct()))
-        return {serial for (serial,) in rows}
+        return {serial for (serial,) in self._select(_of_kind(query, measured=measured).distinct())}
 
     def spellings(self, serial: str, *, measured: bool = False) -> list[str]:
         """Return the serial numbers of runs, also without files, that equal this one except for upper and lower case.
 
-        The serial number itself is included if it has runs; see `of_unit`. Only letters of ASCII are compared so.
+        The serial number itself is included if it has runs; see `runs_of_unit`. Case is ignored for ASCII letters only.
         """
         query = sa.select(RUNS.c.serial).where(RUNS.c.serial.collate("NOCASE") == serial)
-        query = query.where(MEASURED) if measured else query
-        rows = self._try(lambda connection: _rows(connection, query.distinct()))
-        return sorted(str(row[0]) for row in rows)
+        return sorted(str(row[0]) for row in self._select(_of_kind(query, measured=measured).distinct()))
 
     def attempts(self, serial: str, *, measured: bool = False) -> int:
         """Return the number of runs started for a unit, also without files; a resumed run counts once.
 
-        It is at least the largest attempt number of a run, because the index may have been built without some runs.
-        Simulated and measured runs are numbered separately at stations with hardware, so that only the more numerous
-        ones count. If `measured`, simulated runs do not count.
+        The result is at least the largest attempt number of a run, because the index may lack some runs. Stations with
+        hardware number simulated and measured runs separately, so that only the more numerous kind counts; if
+        `measured`, only measured runs count.
         """
         query = sa.select(sa.func.count()).where(RUNS.c.serial == serial, RUNS.c.resumed_from.is_(None))
         query = query.where(MEASURED) if measured else query.group_by(RUNS.c.simulated)
-        counts = self._try(lambda connection: _rows(connection, query))
-        return max([*(int(row[0]) for row in counts), *self.attempt_numbers(serial, measured=measured), 0])
+        return max([*(int(row[0]) for row in self._select(query)), *self.attempt_numbers(serial, measured=measured), 0])
 
     def attempt_numbers(self, serial: str, *, measured: bool = False) -> list[int]:
-        """Return the different attempt numbers of the runs of a unit, also without files; see `attempts`."""
+        """Return the distinct attempt numbers of the runs of a unit, also without files; see `attempts`."""
         number = sa.func.json_extract(RUNS.c.content, "$.attempt")
         query = sa.select(number).where(RUNS.c.serial == serial).distinct()
-        query = query.where(MEASURED) if measured else query
-        return [int(row[0]) for row in self._try(lambda connection: _rows(connection, query))]
+        return [int(row[0]) for row in self._select(_of_kind(query, measured=measured))]
 
     def columns(self, conditions: RunFilter) -> RunColumns:
         """Return the runs that meet all conditions and have a start time, in columns."""
@@ -320,7 +310,7 @@ class RunIndex:
         where = (days.is_not(None), *conditions_of(conditions))
 
         def read(connection: sa.Connection) -> tuple[str, list[tuple[Any, ...]]]:
-            # NULL replaces the most frequent text, because reading 50,000 equal texts takes a fifth of the time
+            # NULL replaces a text that most rows share, because reading 50,000 equal texts takes a fifth of the time
             usual_parameters = connection.execute(sa.select(RUNS.c.parameters).where(*where).limit(1)).scalar() or ""
             texts = (
                 sa.func.nullif(RUNS.c.failed_checks, NO_CHECKS),
@@ -356,6 +346,9 @@ class RunIndex:
             table,
         )
 
+    def _select(self, query: sa.Select[Any]) -> list[tuple[Any, ...]]:
+        return self._try(lambda connection: _rows(connection, query))
+
     def _select_runs(self, query: sa.Select[Any]) -> list[IndexedRun]:
         return self._try(lambda connection: [self._run(row) for row in connection.execute(query)])
 
@@ -376,7 +369,7 @@ class RunIndex:
         """Execute `action` on the file, or in memory while the file cannot be used."""
         if time.monotonic() >= self._retry_at:
             try:
-                result = self._use_file(action)
+                result = self._execute_or_recreate(action)
             except (DatabaseError, OSError):
                 self._retry_at = time.monotonic() + _RETRY_S
             else:
@@ -393,15 +386,15 @@ class RunIndex:
     def _in_file(self, action: Callable[[sa.Connection], T]) -> T:
         """Execute `action` on the file. Raises ConfigurationError if the file is currently unusable."""
         try:
-            return self._use_file(action)
+            return self._execute_or_recreate(action)
         except (DatabaseError, OSError) as exc:
             reason = str(exc.orig if isinstance(exc, DatabaseError) else exc)
             raise ConfigurationError("database.index_unusable", file=self._path, reason=reason) from exc
 
-    def _use_file(self, action: Callable[[sa.Connection], T]) -> T:
+    def _execute_or_recreate(self, action: Callable[[sa.Connection], T]) -> T:
         """Execute `action` on the file, or on a new file if the file is damaged or missing."""
         try:
-            return self._act(action)
+            return self._execute(action)
         except DatabaseError as exc:
             if not _is_lost(exc):
                 raise
@@ -409,12 +402,12 @@ class RunIndex:
         self._engine.dispose()
         for suffix in ("", "-wal", "-shm", "-journal"):
             self._path.with_name(self._path.name + suffix).unlink(missing_ok=True)
-        self._act(_create)
+        self._execute(_create)
         self.may_lack_runs = True
-        return self._act(action)
+        return self._execute(action)
 
-    def _act(self, action: Callable[[sa.Connection], T]) -> T:
-        """Execute `action`, and notice if another process has replaced the file since it was last used."""
+    def _execute(self, action: Callable[[sa.Connection], T]) -> T:
+        """Execute `action`, and detect whether another process has replaced the file since it was last used."""
         file: AbstractContextManager[sa.Connection] = nullcontext(self._open) if self._open else self._engine.connect()
         with file as connection, connection.begin():
             result = action(connection)
@@ -425,7 +418,7 @@ class RunIndex:
 
 
 def _is_lost(error: DatabaseError) -> bool:
-    """Return whether the file is damaged, no database or without a table, instead of just locked or out of space."""
+    """Return whether the file is damaged, not a database, or lacks a table, rather than locked or out of space."""
     code: int = getattr(error.orig, "sqlite_errorcode", 0)
     return code & 0xFF in _DAMAGED or str(error.orig).startswith("no such table")
 
@@ -459,14 +452,18 @@ def _create(connection: sa.Connection) -> None:
         connection.execute(sa.text(f"PRAGMA application_id={secrets.randbelow(2**31)}"))
 
 
+def _of_kind(query: sa.Select[Any], *, measured: bool) -> sa.Select[Any]:
+    return query.where(MEASURED) if measured else query
+
+
 def _rows(connection: sa.Connection, query: sa.Select[Any]) -> list[tuple[Any, ...]]:
-    """Return the rows as tuples from SQLite, which takes a third of the time of SQLAlchemy's rows."""
+    """Return the rows as tuples of SQLite, which takes a third of the time that SQLAlchemy's rows take."""
     cursor = connection.execute(query).cursor
     return [] if cursor is None else list(cursor.fetchall())
 
 
 def _store(connection: sa.Connection, rows: list[dict[str, Any]]) -> None:
-    """Add or replace rows, and change `mark`."""
+    """Add or replace rows, and change `change_token`."""
     if rows:
         connection.execute(sa.insert(RUNS).prefix_with("OR REPLACE"), rows)
     connection.execute(sa.delete(CHANGED))

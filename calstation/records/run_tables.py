@@ -10,20 +10,20 @@ from calstation.records.indexed_run import IndexedRun, RunFilter, to_columns
 #: Time in the file name of a log or in the identifier of a batch.
 _TIME_STAMP = re.compile(r"_?\d{8}T\d{6,}", re.IGNORECASE)
 
-#: Part of a file name or of the identifier of a batch, up to or with its time.
+#: Part of a file name or of the identifier of a batch that contains digits of its date or time.
 _PART_OF_NAME = re.compile(r"_\d{1,8}(T\d*)?$|\d{8}T\d*", re.IGNORECASE)
-#: Time of day in a file name; fewer digits would be found in too many names.
+#: Time of day in a file name; fewer digits would match too many names.
 _TIME_OF_DAY = re.compile(r"\d{6,}")
 
 #: Content of `failed_checks` if no check failed.
 NO_CHECKS = "[]"
-#: Fields of a run that are searched. Column `text` of the table contains the searched text and `content` the whole
-#: `RunRecord` as JSON. `parameters` is a list of names and `failed_checks` a list of kinds and subjects as JSON.
+#: Fields of a run with a column of their own. Column `text` of the table contains the text to search and `content` the
+#: whole `RunRecord` as JSON. `parameters` is a list of names and `failed_checks` a list of kinds and subjects as JSON.
 #: `numbers` contains the values of all parameters and of the table's quantities, followed by their sigmas, as float64,
 #: so that 100,000 runs are read at once without parsing.
 _SEARCHED = ("serial", "started_utc", "verdict", "product", "station", "operator", "resumed_from", "batch", "slot")
 _FLAGS = ("altered", "missing", "simulated")
-#: Columns of the conditions, which have a separate index, so that a query does not read the contents of other runs.
+#: Columns of the conditions; their index lets a query find matching runs without reading the contents of other runs.
 _FILTERED = ("started_utc", "name", "verdict", *_FLAGS, "product", "station", "operator", "batch", "text")
 METADATA = sa.MetaData()
 RUNS = sa.Table(
@@ -49,7 +49,7 @@ sa.Index("runs_filtered", *(RUNS.c[name] for name in _FILTERED))
 RECEIVED = sa.Table(
     "received", METADATA, sa.Column("database", sa.String, primary_key=True), sa.Column("revision", sa.BigInteger)
 )
-#: Copy of the stamps that the shared database has acknowledged, of runs and of the URLs of copied logs.
+#: Copy of the stamps of runs and of URLs of copied logs that the shared database has acknowledged.
 ACKNOWLEDGED = sa.Table(
     "acknowledged",
     METADATA,
@@ -63,7 +63,7 @@ ACKNOWLEDGED_AT = sa.Table("acknowledged_at", METADATA, sa.Column("revision", sa
 CHANGED = sa.Table("changed", METADATA, sa.Column("mark", sa.String, primary_key=True))
 PRESENT = sa.not_(RUNS.c.missing)
 MEASURED = sa.not_(RUNS.c.simulated)
-MARK = sa.select(CHANGED.c.mark)
+CHANGE_TOKEN = sa.select(CHANGED.c.mark)
 LATEST = (RUNS.c.started_utc.desc(), RUNS.c.name.desc())
 ROWID: sa.ColumnElement[int] = sa.literal_column("runs.rowid", sa.Integer)
 
@@ -107,7 +107,7 @@ def row_of(run: IndexedRun) -> dict[str, Any]:
     record = run.record
     columns = {name: getattr(record, name) for name in _SEARCHED}
     texts = (record.serial, run.name, record.product, record.station, record.operator, record.batch)
-    # the digits of the time would be found instead of a serial number; a whole name or identifier is found with them
+    # without date and time, whose digits a serial number would match; names and identifiers are searched separately
     columns["text"] = _TIME_STAMP.sub("", "\n".join(filter(None, texts))).casefold()
     columns["partial"] = record.partial
     columns["altered"] = record.altered

@@ -41,7 +41,7 @@ class SampleTable:
     columns: Mapping[str, _FloatOrInt]  #: Numbers by column; `seq`, `step` and `valid` are integers.
     stages: Sequence[str]  #: Stage of each row.
     lines: IntArray  #: Line of each row in the file, or number of its message, from 1.
-    rows: IntArray  #: Number of each row, from 0, counted with the damaged rows.
+    rows: IntArray  #: Number of each row, from 0; damaged rows are counted.
     damaged: IntArray  #: Numbers of the damaged rows, which are left out.
 
     def __len__(self) -> int:
@@ -86,7 +86,7 @@ class SampleTable:
     def blocks(
         self, seq: IntArray, time: FloatArray, counts: FloatArray, unwrapper: AngleUnwrapper, secondaries: int
     ) -> Iterator[SampleBlock]:
-        """Yield the samples, one block per interval of a stage.
+        """Yield the samples in blocks of one stage.
 
         Parameters
         ----------

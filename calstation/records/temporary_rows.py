@@ -37,7 +37,7 @@ class TemporaryRows:
         self._file.close()
 
     def append(self, rows: np.ndarray) -> None:
-        """Append rows, before the first of them is read. Raises InputError if the disk of temporary files is full."""
+        """Append rows before any are read. Raises InputError if the disk of temporary files is full."""
         try:
             self._file.write(rows.tobytes())
         except OSError as exc:
@@ -45,12 +45,12 @@ class TemporaryRows:
         self._count += len(rows)
 
     def read(self, first: int, count: int) -> np.ndarray:
-        """Return up to `count` rows from the row `first` on."""
+        """Return up to `count` rows, starting with the row `first`."""
         self._file.seek(first * self._dtype.itemsize)
         return np.frombuffer(self._file.read(count * self._dtype.itemsize), self._dtype)
 
     def parts(self, first: int = 0, rows: int | None = None) -> Iterator[np.ndarray]:
-        """Yield all rows from the row `first` on, `rows` (by default `part_rows`) at a time."""
+        """Yield all rows, starting with the row `first`, `rows` (by default `part_rows`) at a time."""
         rows = rows or self.part_rows
         for start in range(first, self._count, rows):
             yield self.read(start, rows)

@@ -12,7 +12,7 @@ class Verdict(StrEnum):
     UNDETERMINED = "undetermined"  #: There are no limits or no tests of data and model, or data are missing.
     STOPPED = "stopped"  #: The run was stopped.
     FAULT = "fault"  #: A fault ended the run, for example a wrong output after the registers were written.
-    INCOMPLETE = "incomplete"  #: The process of the run died.
+    INCOMPLETE = "incomplete"  #: The process of the run ended before the run.
 
     @property
     def passed(self) -> bool | None:

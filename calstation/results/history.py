@@ -123,7 +123,7 @@ class History:
 
     def mark(self) -> str | None:
         """Return a value that changes with the indexed runs; None if there are none."""
-        return self._query(lambda: self._index.mark)
+        return self._query(lambda: self._index.change_token)
 
     def count(self, conditions: RunFilter) -> int:
         """Return the number of runs that meet all conditions."""
@@ -286,8 +286,8 @@ class History:
         return self._of_unit(serial, _SOLVED, limit=limit, product=product)[::-1]
 
     def _of_unit(self, *conditions: Any, **more: Any) -> list[IndexedRun]:
-        """Return the runs of a unit, see `RunIndex.of_unit`."""
-        return self._query(lambda: self._index.of_unit(*conditions, **more, measured=self._measured))
+        """Return the runs of a unit, see `RunIndex.runs_of_unit`."""
+        return self._query(lambda: self._index.runs_of_unit(*conditions, **more, measured=self._measured))
 
     def _scope(self, conditions: RunFilter) -> RunFilter:
         return replace(conditions, simulated=False) if self._measured else conditions

@@ -207,14 +207,14 @@ def test_runs_of_other_folders_are_found_with_local_runs(index: RunIndex, tmp_pa
     assert index.attempts("A") == 2
     assert index.choices().stations == ("bench 1", "bench 2", "bench 9")
     assert index.columns(RunFilter(verdict="failed")).names == ("a", "a")
-    found = index.of_unit("A")[0].record
+    found = index.runs_of_unit("A")[0].record
     assert (found.origin, found.location, found.log) == ("other", "bench9:/runs/a.h5", tmp_path / "other" / "a.h5")
     assert index.stamps().keys() == set("abcd")
     assert [each.record.station for each in index.runs_by_name(["a"])] == ["bench 2"]
     index.update([], ["a"])
-    assert [each.record.station for each in index.of_unit("A")] == ["bench 9"]
+    assert [each.record.station for each in index.runs_of_unit("A")] == ["bench 9"]
     index.receive([replace(there, record=replace(there.record, released=True))], "db", 2)
-    assert [each.record.badge for each in index.of_unit("A")] == ["released"]
+    assert [each.record.badge for each in index.runs_of_unit("A")] == ["released"]
     assert RunIndex(tmp_path).received() == ("db", 2)
 
 

@@ -513,16 +513,16 @@ def test_undecodable_file_name_hides_no_run(three: Path) -> None:
 
 def test_refresh_without_changes_reads_no_rows(three: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     history = refreshed(three)
-    mark = RunIndex(three).mark
+    mark = RunIndex(three).change_token
     other = History(three)
     other.refresh()
     monkeypatch.setattr("calstation.records.run_index._rows", lambda *_: pytest.fail("rows are read"))
     assert other.refresh() == 0
-    assert RunIndex(three).mark == mark
+    assert RunIndex(three).change_token == mark
     monkeypatch.undo()
     write(three, "d", "SN-4", "passed", 4)
     assert history.refresh() == 1  # by another program than the one below
-    assert RunIndex(three).mark != mark
+    assert RunIndex(three).change_token != mark
     assert other.refresh() == 0
 
 

@@ -1,6 +1,6 @@
-"""Logs as CSV: a file with its TOML file, or a folder with a file for each topic.
+"""Logs as CSV: a file with its TOML file, or a folder with one file for each position.
 
-The meaning of columns belongs in `calstation.records.columns`, which the formats of other programs share.
+The columns are defined in `calstation.records.columns`, which the formats of other programs share.
 """
 
 from calstation.records.csv_logs.csv_folder import csv_files, open_folder

@@ -25,7 +25,7 @@ _PAUSE = 1.0
 
 
 def csv_files(folder: Path) -> list[Path]:
-    """Return the CSV files of a folder in the order of their names, numbers by value. Raises InputError."""
+    """Return the CSV files of a folder, sorted by name, with numbers sorted by value. Raises InputError."""
     try:
         files = [path for path in folder.iterdir() if path.name.endswith(CSV_SUFFIXES)]
     except OSError as exc:
@@ -61,7 +61,7 @@ def open_folder(path: Path, meta_file: Path | None = None) -> Log:
 def _joined(
     recordings: Sequence[Recording], meta: LogMeta, report: TimeReport, damaged: list[DamagedRows]
 ) -> Iterator[SampleBlock]:
-    """Yield the samples of all files with one counter and one clock; add what was found to `report` and `damaged`."""
+    """Yield the samples of all files with one counter and one clock; fill `report` and `damaged`."""
     report.reset()
     damaged.clear()
     period, next_seq, last = 1.0 / meta.imu.sample_rate_hz, 0, 0.0

@@ -34,9 +34,9 @@ from calstation.schema import validate
 _TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
 #: Suffixes of CSV logs and text recordings.
 CSV_SUFFIXES = tuple(suffix + compressed for suffix in _TEXT_SUFFIXES for compressed in ("", ".gz"))
-#: Number of samples that are searched for the step of the output and for output that is not whole.
+#: Number of samples from which the step of the output, and whether it is integer, are determined.
 _FIRST_ROWS = 1024
-#: Relative error of a count size of six digits, due to which counts are not quite whole numbers.
+#: Relative rounding error of a count size with six digits, by which counts may deviate from whole numbers.
 _LSB_ERROR = 1e-6
 
 
@@ -55,7 +55,7 @@ def open_csv(path: Path, meta_file: Path | None = None) -> Log:
 
 
 def recorded_log(path: Path, meta: LogMeta, tables: Callable[[], Iterator[SampleTable]], layout: Layout) -> Log:
-    """Return the log of a recording, with quantisation 0, if not given, for sensors with non-integer output.
+    """Return the log of a recording; the quantisation of sensors with non-integer output is 0 unless it is given.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def recorded_log(path: Path, meta: LogMeta, tables: Callable[[], Iterator[Sample
 
 
 def with_quantisation(meta: LogMeta, tables: Callable[[], Iterator[SampleTable]]) -> LogMeta:
-    """Return the configuration with quantisation 0, if not given, for sensors with non-integer output."""
+    """Return the configuration; the quantisation of sensors with non-integer output is 0 unless it is given."""
     counts = [np.empty((0, 6))]
     with suppress(InputError):  # reported when the samples are read
         counts += [part.counts()[part.valid] for part in _first_rows(tables)]

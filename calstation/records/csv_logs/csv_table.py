@@ -1,4 +1,4 @@
-"""Cells of a CSV as numbers: intact rows as tables of samples; damaged rows are left out and counted."""
+"""Conversion of the cells of a CSV to tables of samples; damaged rows are left out and counted."""
 
 import csv
 import io
@@ -25,7 +25,7 @@ _MAX_QUOTED = 40
 def csv_tables(path: Path, layout: Layout, factors: Mapping[str, float]) -> Iterator[SampleTable]:
     """Yield the rows of samples in chunks; `factors` convert columns to the units of the CSV format.
 
-    A row with another number of cells than the header, or without a number where one is required, is damaged. Blank
+    A row with a different number of cells than the header, or without a number where one is required, is damaged. Blank
     lines, comments and repetitions of the header are skipped.
 
     Raises InputError if the file cannot be read, if more than a tenth of its rows are damaged, or if a number is
@@ -183,7 +183,7 @@ def _float(cell: str) -> float:
 
 
 def _clock_times(cells: list[str]) -> FloatArray | None:
-    """Return times of day (hh:mm:ss) or ISO 8601 times, s, shape (n,); NaN for other cells, None if most are others."""
+    """Return times of day (hh:mm:ss) or ISO 8601 times, s, shape (n,); NaN for other cells, None if these prevail."""
     if not any(":" in cell for cell in cells):
         return None
     values = np.array([_clock_time(cell.strip()) for cell in cells])

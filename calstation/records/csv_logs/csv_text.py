@@ -11,7 +11,7 @@ from calstation.errors import InputError
 from calstation.messages import os_reason
 
 _CHUNK = 1 << 17
-#: Size limit of a line, characters; a longer one may also be read if it lies within a chunk.
+#: Length of a line, characters, above which it is refused if it extends beyond a chunk.
 _MAX_LINE = 1 << 16
 #: Byte-order marks and the encodings they stand for.
 _MARKS = (

@@ -1,6 +1,6 @@
-"""Files of chained, signed lines that show what was removed or changed: audit trail, reports and new solutions.
+"""Files of hash-chained lines, in which removed or changed lines are detected: audit trail, reports and solutions.
 
-What such a line says is decided by the code that appends it.
+The code that appends a line defines its content.
 """
 
 from calstation.records.evidence.audit import (

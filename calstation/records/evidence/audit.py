@@ -75,7 +75,7 @@ class AuditEvent(BaseModel):
 
     @property
     def unproven(self) -> bool:
-        """Whether the person acted under a name that no personal PIN proved; the PIN of the site is that of many."""
+        """Whether no personal PIN confirmed the name of the person; several people may share the PIN of the site."""
         return bool(self.by) and self.values.get("pin") != "personal"
 
 
@@ -89,11 +89,11 @@ def audit_path(folder: Path) -> Path:
 
 @dataclass(frozen=True)
 class TrailState:
-    """The audit trail of a site, and what its verification has found."""
+    """The audit trail of a site, and the result of its verification."""
 
     path: Path
     trail: AuditTrail
-    faults: tuple[Text, ...]  #: Changes after the trail had been written.
+    faults: tuple[Text, ...]  #: Signs that the trail, its head or its key was changed or removed.
     key: StationKey | None  #: The private key; None if there is none or it cannot be read.
     key_error: ConfigurationError | None  #: Why the private key cannot be read.
     stored: TrailHead | None  #: Head stored next to the key.
@@ -105,7 +105,7 @@ class TrailState:
 
     @property
     def head(self) -> TrailHead | None:
-        """Present head of the trail; None before its first line."""
+        """Current head of the trail; None before its first line."""
         lines, digest = self.trail.head
         return TrailHead(self.public_key or "", lines, digest) if lines else None
 
@@ -277,10 +277,10 @@ def append_audit(
 
 
 def recorded_people(entries: Iterable[AuditEvent], known: Iterable[str] = ()) -> dict[str, str]:
-    """Return one spelling for each person in events, by all spellings: name and badge, as in ``Li Na (B0001)``.
+    """Map all spellings of each person in events to one: name and badge if known, as in ``Li Na (B0001)``.
 
     Events of earlier versions have only the badge or the name. `known` are further persons by name and badge. A name
-    that is common to several badges is kept as it is.
+    with several badges remains unchanged.
     """
     people = {person for each in entries for person in (each.by, each.confirmed_by) if person}
     complete: dict[str, set[str]] = {}
@@ -298,9 +298,9 @@ def select_audit(
     since: str = "",
     people: Mapping[str, str] | None = None,
 ) -> list[AuditEvent]:
-    """Return the events with a name, of a person who acted or confirmed, and since a time in ISO 8601 (UTC).
+    """Return the events of a kind, by a person who acted or confirmed, since a time in ISO 8601 (UTC).
 
-    `people` are the spellings of a person from `recorded_people`. A badge selects only events that record it, because
+    `people` is the result of `recorded_people`. A badge selects only events that record it, because
     anyone can type a name.
     """
     spelled = people or {}

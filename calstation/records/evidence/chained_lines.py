@@ -38,7 +38,7 @@ _SIGNATURE = re.compile(rb', "signature": "([0-9a-f]{128})"$')
 
 T = TypeVar("T")
 
-#: Creating an adapter takes 2 ms, and a start reads the journals of all units.
+#: Cached, because creating an adapter takes 2 ms, and the program reads the journals of all units when it starts.
 _adapter = cache(TypeAdapter[Any])
 
 
@@ -55,12 +55,12 @@ class Chain(Generic[T]):
     """Contents of a chained file."""
 
     entries: tuple[T, ...] = ()  #: Entries of all lines that agree with their own digest, the oldest first.
-    numbers: tuple[int, ...] = ()  #: Numbers of their lines, from 1.
+    numbers: tuple[int, ...] = ()  #: Line number of each entry, from 1.
     incomplete: tuple[int, ...] = ()  #: Numbers of the lines left incomplete by a killed program.
     truncated: bool = False  #: Whether the last line is incomplete.
     damage: Damage | None = None
     digest: str = START  #: Digest of the last line; a copy kept elsewhere proves that no line was changed.
-    digests: tuple[str, ...] = ()  #: Digest of every line, with which the next one begins.
+    digests: tuple[str, ...] = ()  #: Digest of every line, which the next line contains as `previous`.
 
     def contains(self, lines: int, digest: str) -> bool:
         """Return whether the file had this digest when it had this number of lines; 0 lines have the digest START."""
@@ -210,7 +210,7 @@ class ChainedFile(Generic[T]):
         sync_folder(self.path.parent.parent)
 
     def _line(self, content: Mapping[str, Any], digest: str, sign: Callable[[bytes], str] | None) -> tuple[bytes, T]:
-        """Return the line after the line with a digest, and its entry. Raises ValueError."""
+        """Return the line that follows a line with this digest, and its entry. Raises ValueError."""
         text = json.dumps({**content, "previous": digest}, ensure_ascii=False).encode()
         if sign is not None:
             signed = {**content, "signature": sign(text), "previous": digest}

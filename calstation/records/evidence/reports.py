@@ -3,7 +3,7 @@
 The file belongs to the logs and lists their reports for everyone who uses the folder. The audit trail belongs to the
 site and also lists reports of copied logs and reports missing at the end of a truncated file. Each proves that the
 other is complete: a line contains the head of the trail before its event, and an event the head of the file before its
-line. Lines are signed; a line of another site contains the key of that site.
+line. Lines are signed and contain the public key of their site.
 """
 
 import time
@@ -53,12 +53,12 @@ _EVENT: AuditEventName = "certificate"
 _IDENTITY = ("number", "revision", "content_sha256")
 
 
-#: Time in which another program completes an event and a report, s.
+#: Time that another program may take between an event and its report, s.
 _APPENDING = 0.2
 
 
 class _ReportLine(BaseModel):
-    """Entries of a line that are not part of the report."""
+    """Entries of a line that identify the report and its issuer."""
 
     number: str
     revision: int
@@ -84,7 +84,7 @@ def reports_head(folder: Path) -> dict[str, JsonValue]:
 
 
 def report_faults(folder: Path, state: TrailState) -> list[Text]:
-    """Return the faults of the reports of a folder, and their contradictions to the audit trail of the site.
+    """Return the faults of the reports of a folder, and their contradictions with the audit trail of the site.
 
     Raises InputError if the file cannot be read.
     """
@@ -121,11 +121,11 @@ def report_faults(folder: Path, state: TrailState) -> list[Text]:
 
 
 def unrecorded_reports(folder: Path, state: TrailState) -> list[str]:
-    """Return the reports in the audit trail that the record of their folder lacks, the oldest first.
+    """Return the reports in the audit trail that are missing in the file of their folder, the oldest first.
 
-    The record is read twice, because another program may have appended the event, but not yet the line. The last report
-    is no fault in `report_faults`, because the program may have been ended between the two; see `complete_reports`.
-    Raises OSError.
+    The file is read twice, because another program may have appended the event, but not yet the line. `report_faults`
+    tolerates that the last report is missing, because the program may have ended between the two; see
+    `complete_reports`. Raises OSError.
     """
     file: ChainedFile[_ReportLine] = ChainedFile(report_file(folder).path, _ReportLine)
     events = [event.values for event in _events_of(folder, state.trail.entries)]
@@ -147,9 +147,9 @@ def recorded_folders(events: Iterable[AuditEvent]) -> list[Path]:
 def intact_trail(site: Path, runs: Path) -> TrailState:
     """Return the audit trail of a site, after comparing it with the reports and the received heads in a folder of runs.
 
-    The files are read twice before a change is reported, because another program may append to one of them between the
-    readings of two. Raises ConfigurationError if the trail or the record of reports was changed, or InputError if a
-    file cannot be read.
+    The files are read again before a change is reported, because another program may have appended to one of them while
+    they were read. Raises ConfigurationError if the trail or the file of reports was changed, or InputError if a file
+    cannot be read.
     """
     try:
         return _intact_trail(site, runs)
@@ -172,7 +172,7 @@ def _intact_trail(site: Path, runs: Path) -> TrailState:
 
 
 def database_contradictions(state: TrailState, heads: Iterable[DatabaseHead]) -> list[Text]:
-    """Return the contradictions of an audit trail to heads that the shared database has."""
+    """Return the contradictions between an audit trail and its heads in the shared database."""
     return [
         Text.of("audit.contradicts_database", file=state.path, line=each.head.lines, digest=each.head.digest)
         for each in heads
@@ -205,7 +205,7 @@ def _identity(values: Mapping[str, Any]) -> tuple[Any, ...]:
 
 
 def complete_reports(folder: Path, state: TrailState) -> None:
-    """Append the last report of the audit trail if the program was ended before it did; see `report_faults`.
+    """Append the last report of the audit trail to the file if the program ended before; see `unrecorded_reports`.
 
     Raises OSError.
     """

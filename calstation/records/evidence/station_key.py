@@ -33,7 +33,7 @@ _HEAD = re.compile(rb"calstation-trail:(\d{1,9}):([0-9a-f]{64}):([0-9a-f]{64}|-)
 class TrailHead:
     """The last line of an audit trail at some time; every later state of the trail contains this line."""
 
-    #: Public key with which the trail is signed, which identifies the trail, in hexadecimal digits; "" before.
+    #: Public key in hexadecimal digits, which identifies the trail; "" before the first signed line.
     key: str
     lines: int  #: Number of lines.
     digest: str  #: Digest of the last line.
@@ -58,7 +58,7 @@ class DatabaseHead:
 
 
 def database_heads(runs: Path) -> list[DatabaseHead]:
-    """Return the heads in the shared database that the last exchange of a runs folder has received.
+    """Return the heads that the last exchange of a runs folder received from the shared database.
 
     Raises InputError if the file cannot be read.
     """
@@ -135,7 +135,7 @@ def _load(path: Path) -> StationKey | None:
 
 
 def new_key(folder: Path) -> StationKey:
-    """Create a key, which `finish_key` makes that of the site after the trail has recorded it. Raises OSError.
+    """Create a key, which becomes the key of the site by `finish_key` after the trail has recorded it. Raises OSError.
 
     Only the owner may read the first key of a site; a later one has the permissions of the key that it replaces.
     """

@@ -1,4 +1,4 @@
-"""ArduPilot DataFlash logs: `IMU`, or `GYR` with `ACC` of the same instance, of binary and text logs.
+"""ArduPilot DataFlash logs, binary or text: messages `IMU`, or `GYR` and `ACC` of the same instance.
 
 The batches `ISBH` and `ISBD` are not read, because gyros and accelerometers alternate in them. A message
 of a binary log begins with its type, which a message FMT describes (ArduPilot, LogStructure.h); it has no checksum.
@@ -28,12 +28,12 @@ _COLUMNS = {
     for name, field in zip(CHANNELS, _FIELDS["IMU"][1:7], strict=True)
 }
 
-#: Name, layout, labels and units of the fields of a message; the layout includes the first bytes and the type.
+#: Name, layout, labels and scale factors of the fields of a message; the layout includes the first bytes and the type.
 _Format = tuple[str, struct.Struct, list[str], dict[str, float]]
 #: First bytes of a binary message; type and layout of the message FMT, and position of the name in its text form.
 _HEAD, _FMT_TYPE, _FMT, _FMT_NAME = b"\xa3\x95", 128, struct.Struct("<3xBB4s16s64s"), 2
 _FMT_LABELS = ["Type", "Length", "Name", "Format", "Columns"]
-#: Types of fields by their letters in FMT as those of `struct`, and the units of scaled types.
+#: Types of fields in `struct` by their letters in FMT, and scale factors of some letters.
 _TYPES = {letter: letter for letter in "bBhHiIfdqQ"}
 _TYPES |= {
     "a": "64s",
@@ -130,7 +130,7 @@ def _binary(stream: BinaryIO, selected: set[str]) -> Iterator[tuple[str, Mapping
 
 
 def _format(fields: Mapping[str, Any]) -> _Format:
-    """Return name, layout, labels and units of a message that FMT describes; no layout if it is contradictory."""
+    """Return the format of a message that FMT describes; `_UNKNOWN` if FMT is contradictory."""
     name, types, columns = (_decoded(fields[each]) for each in _FMT_LABELS[2:])
     form, labels = struct.Struct("<3x" + "".join(_TYPES.get(each, "") for each in types)), columns.split(",")
     scales = {label: _SCALES[each] for label, each in zip(labels, types, strict=False) if each in _SCALES}

@@ -16,7 +16,7 @@ from calstation.records.foreign.topics import CHUNK_ROWS, Columns, vector_column
 
 #: Names of the message type in ROS 1 and ROS 2.
 IMU_TYPES = ("sensor_msgs/Imu", "sensor_msgs/msg/Imu")
-#: Columns of the CSV format: the time is that of the header, or that of the recorder where no header has a time.
+#: Columns of the CSV format: the time is that of the headers, or that of the recorder if no header has a time.
 IMU_COLUMNS = vector_columns("angular_velocity.{}", "linear_acceleration.{}", ("rad/s", "m/s2"), ("header.stamp", "s"))
 _NUMBERS = 37
 _GYRO, _ACCEL = 4 + 9, 4 + 9 + 3 + 9
@@ -43,7 +43,7 @@ def messages_of(messages: Iterable[tuple[float, bytes]]) -> Iterator[Messages]:
 
 
 def imu_columns(messages: Messages, *, is_cdr: bool) -> Columns:
-    """Return the columns of messages, those of ROS 2 if `is_cdr`; one that is too short is a damaged row of NaN."""
+    """Return the columns of messages (of ROS 2 if `is_cdr`); a message that is too short becomes a row of NaN."""
     values = np.full((len(messages.starts), 1 + 6), np.nan)
     big = np.zeros(len(values), np.bool_)
     intact = messages.lengths >= _PREFIX + _HEADER
@@ -75,6 +75,6 @@ def _decode(messages: Messages, rows: IntArray, order: str, values: FloatArray, 
 
 
 def _gather(data: NDArray[np.uint8], starts: IntArray, count: int, kind: str) -> np.ndarray:
-    """Return `count` numbers of a kind from each of n positions on, shape (n, count)."""
+    """Return `count` numbers of a dtype, starting at each of n positions, shape (n, count)."""
     size = count * np.dtype(kind).itemsize
     return np.asarray(data[starts[:, None] + np.arange(size)].view(kind))

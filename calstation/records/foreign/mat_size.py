@@ -1,4 +1,4 @@
-"""Limits for MATLAB files of versions 5 to 7.2, in which a small packed array may be enormous.
+"""Size limits for MATLAB files of versions 5 to 7.2, in which a small packed array may unpack to an enormous one.
 
 A file is a sequence of elements: type and size, 4 bytes each, and content, padded to 8 bytes. The content of an array,
 type 14, is again a sequence of elements, of which the second one has its dimensions; the content of an element of type
@@ -17,7 +17,7 @@ from calstation.errors import InputError
 
 _ARRAY, _PACKED = 14, 15
 _HEADER, _TAG, _DIMENSIONS = 128, 8, 2
-#: Sizes of a number by the type of its element, bytes; those of other types have one.
+#: Size of a number by the type of its element, bytes; numbers of other types have one byte.
 _WIDTHS = {3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8, 17: 2, 18: 4}
 #: Maximum counts of numbers, 13 h of an IMU at 100 Hz, and of arrays; scipy crashes if thousands are nested.
 MAX_NUMBERS, _MAX_ARRAYS = 1 << 25, 1000
@@ -53,7 +53,7 @@ def check_size(path: Path) -> None:
 
 
 def _count(read: Callable[[int], bytes], order: _Order, max_numbers: int, max_arrays: int) -> tuple[int, int]:
-    """Return the counts of numbers and arrays of the elements that `read` returns, at least up to a limit."""
+    """Return the counts of numbers and arrays in the data that `read` returns; stop above the limits."""
     numbers = arrays = position = 0
     while numbers <= max_numbers and arrays <= max_arrays and len(tag := read(_TAG)) == _TAG:
         kind, size = _integers(tag, order)

@@ -1,7 +1,7 @@
 """NovAtel OEM logs, ASCII and binary: RAWIMU, RAWIMUS, RAWIMUX and RAWIMUSX.
 
-The messages contain increments in counts, y with the opposite sign. The X forms name the type of the IMU and with it
-the size of a count; for the others, the TOML gives it. Source: OEM7 manual, RAWIMUSX, raw IMU scale factors.
+The messages contain increments in counts, y with the opposite sign. The X forms state the type of the IMU, which
+determines the size of a count; otherwise the TOML states it. Source: OEM7 manual, RAWIMUSX, raw IMU scale factors.
 """
 
 from collections import Counter
@@ -50,7 +50,7 @@ def _topics(path: Path) -> list[Topic]:
 
 
 def _known(name: str, imu_type: int | None) -> tuple[dict[str, tuple[str, str]], dict[str, float | str]]:
-    """Return the columns of a message, and the entries of `[imu]` that the type of the IMU gives."""
+    """Return the columns of a message, and the entries of `[imu]` that the type of the IMU determines."""
     if name not in _RAW:
         return {}, {}
     scale = next((scale for types, scale in _SCALES.items() if imu_type in types), None)

@@ -81,7 +81,7 @@ def open_foreign(path: Path, meta_file: Path | None = None, topic: str | None = 
 
 
 def _choose(path: Path, topics: list[Topic], name: str | None, mapped: Mapping[str, ColumnSection]) -> Topic:
-    """Return the topic with a name, or the one that the accelerometers of `[columns]` name, or the only IMU.
+    """Return the topic called `name`, or the topic from which `[columns]` takes the accelerometers, or the only IMU.
 
     Raises InputError.
     """
@@ -122,7 +122,7 @@ def _layout(path: Path, topic: Topic, mapped: Mapping[str, ColumnSection]) -> La
 
 
 def _check_counts(path: Path, topic: Topic, mapped: Mapping[str, ColumnSection], imu: Mapping[str, object]) -> None:
-    """Raise InputError if a topic has counts whose size neither the file nor the TOML gives."""
+    """Raise InputError if a topic has counts whose size neither the file nor the TOML states."""
     for sensor in ("gyro", "accel"):
         name = f"{sensor}_x"
         if topic.columns.get(name, ("", ""))[1] == COUNTS and name not in mapped and f"{sensor}_lsb" not in imu:

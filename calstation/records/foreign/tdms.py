@@ -34,7 +34,7 @@ def _read(path: Path, topic: Topic) -> Iterator[Columns]:
 
 
 def _opened(path: Path) -> Any:
-    """Open a file; the library prints no bytes of a damaged one."""
+    """Open a file; messages of the library about damaged files are suppressed."""
     from nptdms import TdmsFile
     from nptdms.log import log_manager
 

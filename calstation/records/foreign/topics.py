@@ -1,4 +1,4 @@
-"""Topics of a file: the messages, variables or groups with an IMU's samples that it contains."""
+"""Topics of a file: the messages, variables or groups that may contain the samples of an IMU."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -65,8 +65,8 @@ def vector_columns(gyro: str, accel: str, units: tuple[str, str], time: tuple[st
 def joined_sensors(path: Path, gyro: Columns, accel: Columns, time: str) -> Columns:
     """Join separately recorded gyros and accelerometers by their times; a sample without a partner is damaged.
 
-    A sample of the gyros has the sample of the accelerometers that is nearest, within half a sample period. Raises
-    InputError if there is none for more than a tenth of the samples.
+    The partner of a gyro sample is the nearest accelerometer sample within half a sample period. Raises InputError if
+    more than a tenth of the samples have no partner.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Limits for what the libraries of foreign formats unpack: a small file could otherwise fill the memory or the disk."""
+"""Limits for the data that libraries of foreign formats unpack, since a small file may fill the memory or the disk."""
 
 import bz2
 from collections.abc import Callable, Iterable, Iterator
@@ -9,7 +9,7 @@ from calstation.errors import InputError
 
 #: Largest chunk or message, bytes; recorders write chunks of a few MB.
 MAX_CHUNK = 1 << 27
-#: Largest size of everything that is unpacked, as a multiple of the size of the file, and the least, bytes.
+#: Limit of the total unpacked size: the larger of a multiple of the size of the file, and a number of bytes.
 _MAX_RATIO, _MIN_TOTAL = 100, 1 << 30
 #: Bytes that are unpacked at once.
 _PART = 1 << 18

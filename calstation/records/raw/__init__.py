@@ -1,6 +1,6 @@
 """The raw log, an HDF5 file: how it is written and read, also while it is written, and after damage.
 
-What a log contains belongs in `calstation.records.meta` and `calstation.records.log`.
+The content of logs belongs in `calstation.records.meta` and `calstation.records.log`.
 """
 
 from calstation.records.raw.raw_log import RESERVED_SPACE, SUFFIX, RawLogWriter, write_log

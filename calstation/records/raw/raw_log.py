@@ -1,4 +1,4 @@
-"""Writer of the raw log, an HDF5 file in SWMR mode of which a killed process or a power failure loses at most 2 s.
+"""Writer of the raw log, an HDF5 file in SWMR mode; a killed process or a power failure loses at most 2 s of data.
 
 The samples are in one compound dataset, so that their columns have equal lengths after a crash. Configuration, events,
 results and the closing record are JSON lines in byte datasets. All datasets are created before SWMR mode is switched
@@ -77,7 +77,7 @@ def row_dtype(further_imus: int, joints: bool = False, station: bool = False, ch
     Parameters
     ----------
     further_imus : number of secondary IMUs
-    joints, station, chamber : whether the rows contain joint angles of a gimbal, the station's time, its chamber
+    joints, station, chamber : whether rows contain joint angles of a gimbal, station time, chamber temperature
     """
     others = [("others", "<f8", (further_imus, 6))] if further_imus else []
     gimbal = [("joints", "<f8", (3,))] if joints else []
@@ -142,7 +142,7 @@ class RawLogWriter:
         self.free_space = free_space
         self._allocated = 0
         self._closed = False
-        self._disconnected = False  #: Whether the file has failed, and HDF5 writes to nothing.
+        self._disconnected = False  #: Whether a write has failed and HDF5 was redirected to `os.devnull`.
         content = meta.to_json().encode()
         try:
             flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
@@ -260,7 +260,7 @@ class RawLogWriter:
         return rows * self._row.itemsize + texts + _METADATA
 
     def _reserve(self, size: int, headroom: int = 0) -> None:
-        """Allocate space for `size` bytes more, and twice `headroom` if less is left. Raises _NoSpaceError."""
+        """Allocate `size` more bytes, plus twice `headroom` if less would be left. Raises _NoSpaceError."""
         end = self._file.id.get_filesize() + size
         if end + headroom > self._allocated:
             try:
@@ -270,7 +270,7 @@ class RawLogWriter:
             self._allocated = end + 2 * headroom
 
     def _write_pending(self) -> None:
-        """Write all buffered data into space that is allocated."""
+        """Write all buffered data into the allocated space."""
         if self._rows:
             rows = np.concatenate(self._rows)
             self._rows.clear()

@@ -24,7 +24,7 @@ from calstation.records.raw.raw_log import CHECKSUM_COLUMN, CHUNK_ROWS, row_chec
 from calstation.records.raw.raw_structure import StructureError, check_structure, is_raw_log
 from calstation.records.raw.superblock import SUPERBLOCK, AsClosed, is_unclosed, superblock_end, superblock_valid
 
-#: Reason for the end of a stage that is not solved, because the units fail without it.
+#: Reason for the end of a stage that is not solved, because the units fail regardless of its result.
 END_FAILING = "failing"
 #: Reason for the end of a stage that the operator ended.
 END_BY_OPERATOR = "operator"
@@ -41,7 +41,7 @@ _MAX_INTEGER = 2**53
 _OF_VALID = ("counts", "others")
 #: Number of attempts to open a file that a run may be writing, and the time between them, s.
 _ATTEMPTS, _RETRY_INTERVAL = 4, 0.05
-#: Age of the last change of a file that nobody writes, where the file system has no locks, s.
+#: Time without changes after which a file on a file system without locks is no longer being written, s.
 _RECENT = 10.0
 
 
@@ -85,7 +85,7 @@ def last_result(path: Path) -> dict[str, Any] | None:
 def being_written(path: Path, within: float = TEST_TIMEOUT) -> bool:
     """Return whether a run is still writing the log, as shown by its lock, which is tested for `within` s.
 
-    On a file system without locks, where no run of this program is recorded, a recent change counts instead.
+    On a file system without locks, where this program records no runs, a recent change counts instead.
     Raises InputError if the file cannot be read.
     """
     try:
@@ -112,7 +112,7 @@ def can_be_resumed(events: Iterable[Mapping[str, Any]]) -> bool:
 
 
 def unsolved_stages(events: Iterable[Mapping[str, Any]]) -> frozenset[str]:
-    """Return the stages that the run ended without solving them, because the unit failed without them."""
+    """Return the stages that the run ended without solving them, because the unit failed regardless of them."""
     ends = (event for event in events if event.get("event") == "StageEnded" and event.get("reason") == END_FAILING)
     return frozenset(event["stage"] for event in ends)
 
@@ -287,7 +287,7 @@ def _open(path: Path, stack: ExitStack) -> h5py.File:
         raise OSError("the superblock is damaged")
     short = path.stat().st_size < superblock_end(head)
     source = stack.enter_context(AsClosed(path)) if short or is_unclosed(head) else path
-    # HDF5's chunk cache is off, because no chunk would be reused; its lock would fail on a share without locks
+    # HDF5's chunk cache is off, because no chunk would be reused; HDF5's lock would fail on a share without locks
     file = stack.enter_context(h5py.File(source, "r", libver="latest", rdcc_nbytes=0, locking=False))
     if not is_raw_log(file):
         raise InputError("log.foreign", file=path)

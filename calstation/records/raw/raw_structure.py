@@ -21,7 +21,7 @@ _MAX_FURTHER_IMUS = 8
 
 
 class StructureError(OSError):
-    """A part of an HDF5 file is not what a raw log contains under its name."""
+    """A part of an HDF5 file differs from the part of a raw log with the same name."""
 
     def __init__(self, part: str, what: Text) -> None:
         super().__init__(part, str(what))
