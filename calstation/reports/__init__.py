@@ -1,4 +1,4 @@
-"""Documents that are made from finished results: labels and certificates.
+"""Documents created from finished results: labels and certificates.
 
 Code that computes or evaluates values belongs in `calstation.results`. The package has more than 15 modules, one for
 each part of a certificate, each of its file formats, and each step from its issue to its verification.

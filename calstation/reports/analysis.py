@@ -41,7 +41,7 @@ class Analysis:
     after: FloatArray  #: Standard deviations of the 30 parameters after the last stage, SI, shape (30,).
     budget: Budget
     effects_tested: bool  #: Whether the data were tested for effects outside the error model.
-    invalid: int  #: Number of samples that were marked invalid, without those of pauses.
+    invalid: int  #: Number of samples outside pauses that were marked invalid.
     #: Temperature of the unit in the valid samples of the solved stages; None if unknown.
     temperature: Temperature | None
     warnings: tuple[Text, ...]  #: Warnings during the run, from the events of the log.
@@ -59,7 +59,7 @@ class _SigmaRecorder:
         self.sigma: list[FloatArray] = []
         self.spans: dict[str, tuple[float, float]] = {}
         self._stages, self._last_seq = result.stages, -1
-        #: Number, sum, minimum and maximum of the temperatures of every block, of a solved stage (True) or of none.
+        #: Number, sum, minimum and maximum of the temperatures of each block, by whether its stage was solved.
         self._temperatures: dict[bool, list[tuple[float, ...]]] = {True: [], False: []}
         self.unused = UnusedSamples(log.events, log.meta)
 
@@ -74,7 +74,7 @@ class _SigmaRecorder:
             self._temperatures[block.stage in self._stages].append(row)
 
     def temperature(self) -> Temperature | None:
-        """Return that of the solved stages; all samples of a manual recording, which names none, are solved."""
+        """Return the temperature in the solved stages; a manual recording, which names none, is solved as a whole."""
         rows = self._temperatures[True] or self._temperatures[False]
         if not rows:
             return None
@@ -95,7 +95,7 @@ class _SigmaRecorder:
 
 
 def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
-    """Analyse the samples of the log of a result, which is solved again several times.
+    """Analyse the samples of the log of a result by solving the log several times.
 
     Raises InputError, for example if the log does not reproduce the values or the verdict of the result.
     """
@@ -132,7 +132,7 @@ def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
 
 
 def _check(result: Result, log: Log, chain: StageChain) -> None:
-    """Raise InputError if a result differs from the solution of its log by more than rounding or should have failed."""
+    """Raise InputError if a result differs from its log's solution by more than rounding, or passed but should fail."""
     solutions = tuple(chain.solutions)
     solved = solved_parameters(solutions)
     for name, row in result.parameters.items():

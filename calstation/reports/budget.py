@@ -57,8 +57,7 @@ class Budget:
 def uncertainty_budget(log: Log, result: Result, meta: LogMeta, base: StageChain, progress: BudgetProgress) -> Budget:
     """Return the uncertainty budget of a result. Raises InputError.
 
-    The log is solved once more for every source and
-    for a different latitude.
+    The log is solved once more for every source except ``gravity`` and ``other``, and for a different latitude.
 
     Parameters
     ----------
@@ -78,7 +77,7 @@ def uncertainty_budget(log: Log, result: Result, meta: LogMeta, base: StageChain
         )
         after = _variances(chain)
         parts[source] = (np.array([after[name] for name in names]) - total) / _STEP
-    # the square of the change due to gravity is a contribution, because it is independent of the other sources
+    # gravity is independent of the other sources, so that its contribution is the variance that it adds
     gravity = base.solutions[-1].posterior.covariance - base.posterior.covariance
     parts["gravity"] = np.array([gravity[INDEX[n], INDEX[n]] if n in INDEX else 0.0 for n in names])
     parts["other"] = total - np.sum([parts[source] for source in changes], axis=0)

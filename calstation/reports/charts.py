@@ -121,10 +121,10 @@ def capitalised(text: str) -> str:
 
 
 def stage_name(stage: str, language: Language) -> str:
-    """Return the name of a stage in terms of certificates."""
+    """Return the name of a stage in the terminology of certificates."""
     return in_certificate_terms(term("stage", stage, language))
 
 
 def in_certificate_terms(text: str) -> str:
-    """Replace terms of the window with terms of certificates: in Chinese, 标定 with 校准."""
+    """Replace terms of the user interface with those of certificates: in Chinese, 标定 with 校准."""
     return text.replace("标定", "校准")

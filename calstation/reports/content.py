@@ -54,7 +54,7 @@ class Quantity:
     decision: Decision
     #: Probability that the decision is wrong, a false accept or a false reject; None if the value has no limits.
     risk: float | None = None
-    acceptance: tuple[float, float] | None = None  #: Limits narrowed by the decision rule; None if it narrows none.
+    acceptance: tuple[float, float] | None = None  #: Limits narrowed by the decision rule; None if not narrowed.
 
     @property
     def accepted(self) -> tuple[float, float] | None:
@@ -110,8 +110,7 @@ def build_certificate(
 ) -> Certificate:
     """Build the first issue of the certificate for a result.
 
-    Raises InputError if the date of issue is unknown, or if the result has no
-    parameters.
+    Raises InputError if the date of issue is unknown, or if the result has no parameters.
 
     Parameters
     ----------
@@ -142,7 +141,7 @@ def build_certificate(
 
 
 def arrangement(meta: LogMeta) -> Iterator[Text]:
-    """Yield sentences on the arrangement on the table of a rotated unit or a unit in a batch."""
+    """Yield sentences about the placement on the table of a rotated unit or of a unit in a batch."""
     run, table = meta.run, meta.table
     in_batch = run is not None and run.batch is not None
     if run is not None and in_batch:
@@ -163,7 +162,7 @@ def _signed(text: str) -> str:
 
 
 def _laboratory(meta: LogMeta) -> LaboratorySection | None:
-    """Return the laboratory of a log, without the accreditation for a simulated run, which it does not cover."""
+    """Return the laboratory of a log; without the accreditation, which does not cover it, for a simulated run."""
     if meta.laboratory is None or not meta.is_simulated:
         return meta.laboratory
     return meta.laboratory.model_copy(update={"accreditation": None})
@@ -248,7 +247,7 @@ def _risk(decision: Decision, judged: ParameterConformity | None) -> float | Non
 
 
 def _remaining_errors(result: Result, meta: LogMeta) -> tuple[Mapping[str, float], Mapping[str, float]]:
-    """Return the errors that remain with the registers before and after the run, the estimates minus the registers.
+    """Return the errors (estimates minus registers) that remain with the registers before and after the run.
 
     If the unit applies the registers to its output, the estimate is the remaining error, and the sum of the estimate
     and the register is the error of the uncorrected output.

@@ -39,7 +39,7 @@ _NO_COUNTRY = "ZZ"
 
 
 def write_dcc(certificate: Certificate, deviations: Iterable[Text] = ()) -> bytes:
-    """Return the XML with `deviations` from the method, which is identical for identical input."""
+    """Return the XML, identical for identical input, of a certificate with `deviations` from the method."""
     root = _DCC(
         "digitalCalibrationCertificate",
         _administrative_data(certificate, deviations),
@@ -102,7 +102,7 @@ def _items(certificate: Certificate) -> Iterable[etree._Element]:
 
 
 def _unknown_manufacturer() -> etree._Element:
-    """Return the required manufacturer of an item, which the station files do not contain."""
+    """Return the manufacturer of an item, which the schema requires and the station files do not contain."""
     return _DCC("manufacturer", _name("not_stated"))
 
 
@@ -116,7 +116,7 @@ def _calibration_laboratory(certificate: Certificate) -> etree._Element:
 
 
 def _responsible(certificate: Certificate) -> Iterable[etree._Element]:
-    """Yield the persons who issued and confirmed the certificate, the first as signer, and then the signatories."""
+    """Yield the issuer and the confirmer of the certificate, the first as main signer, and then the signatories."""
     signatories = certificate.laboratory.signatories if certificate.laboratory else []
     for number, (name, role) in enumerate(zip(certificate.authorised, ("issued", "confirmed"), strict=False)):
         signer = [_DCC("mainSigner", "true")] if number == 0 else []

@@ -68,7 +68,7 @@ class IssueState:
 
     last : last certificate with the same number; None if there is none, or if the number is unknown before the log is
         solved
-    changes : what has changed since, so that it cannot be printed again
+    changes : what has changed since `last`, which therefore cannot be printed again
     pdf : PDF of the last certificate in the language of the request; None if it is missing
     simulated : whether the run was simulated, but the station has hardware
     """
@@ -148,7 +148,7 @@ def issue_certificates(report: ProgressCallback, requests: Sequence[ReportReques
 
 
 def _part_of(report: ProgressCallback, start: float, share: float) -> ProgressCallback:
-    """Return a callback for a part of a job that begins at a fraction and has this share of the whole."""
+    """Return a callback for a part of a job; `start` and `share` are fractions of the whole job."""
     return lambda done, *_, note="": report(start + share * done, note=note)
 
 
@@ -221,7 +221,7 @@ def _confirm_issue(meta: LogMeta, request: ReportRequest, *, reprint: bool) -> t
 
 
 def _files(meta: LogMeta, path: Path) -> tuple[ProductConfig, StationConfig] | None:
-    """Return the product and the station of a log, or None if it has no product, as a recording of another program."""
+    """Return the product and the station of a log, or None for a recording of another program."""
     if meta.product is None and not meta.profiles:
         return None
     return run_files((meta.run.files if meta.run is not None else None) or {}, path, meta.profiles)
@@ -372,7 +372,7 @@ def _record(
 
 
 def _with_record(certificate: Certificate, record: IssuedReport, records: list[IssuedReport]) -> Certificate:
-    """Return a certificate with the revision, dates and persons of its record, one of `records` with its number."""
+    """Return a certificate with the revision, dates and persons of its record; `records` are all with its number."""
     before = next((each for each in reversed(records) if each.revision < record.revision), None)
     return replace(
         certificate,
@@ -390,7 +390,7 @@ def _with_record(certificate: Certificate, record: IssuedReport, records: list[I
 def _digest(content: Mapping[str, Any], meta: LogMeta, folder: Path | None, version: str | None = None) -> str:
     """Return the digest of the sources of a certificate: result, configuration, program and templates.
 
-    `version` is that of the program, by default the present one.
+    `version` is the version of the program, by default the current one.
     """
     digest = hashlib.sha256((json.dumps(content, sort_keys=True) + meta.to_json() + (version or __version__)).encode())
     for name, template in sorted(used_templates(folder).items()):

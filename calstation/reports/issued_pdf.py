@@ -20,7 +20,7 @@ class IssuedPdf:
     digests: frozenset[str]  #: Empty if the audit trail does not contain the issue, for example of another site.
 
     def intact(self) -> bool | None:
-        """Return whether the file is one that was issued; None if it is unreadable or nothing was recorded."""
+        """Return whether the file is one that was issued; None if it is unreadable or no digest was recorded."""
         try:
             digest = hashlib.sha256(self.path.read_bytes()).hexdigest()
         except OSError:
@@ -34,7 +34,7 @@ def pdf_name(identification: str, language: Language) -> str:
 
 
 def find_pdfs(folder: Path, identifications: Sequence[str], languages: Sequence[Language]) -> list[IssuedPdf | None]:
-    """Return a PDF in a folder for every certificate: a changed one, otherwise that in the first of the languages.
+    """Return a PDF in a folder for each certificate: a changed one, or else the one in the first available language.
 
     Raises InputError if the audit trail cannot be read.
     """
@@ -51,7 +51,7 @@ def find_pdfs(folder: Path, identifications: Sequence[str], languages: Sequence[
 
 
 def file_digests(values: Mapping[str, object]) -> list[object]:
-    """Return the SHA-256 of the files in an event of the audit trail, also of one that is embedded in another."""
+    """Return the SHA-256 of the files in an event of the audit trail, including embedded files."""
     parts = (values.get(name) for name in ("files", "embedded"))
     return [digest for part in parts if isinstance(part, dict) for digest in part.values()]
 
@@ -63,7 +63,7 @@ class IssuedCertificate:
     report: IssuedReport
     pdf: IssuedPdf | None
     intact: bool | None = None  #: As `IssuedPdf.intact`; None without a PDF.
-    #: Names of the persons who issued it, from the report or the audit trail; a name that no PIN proved says so.
+    #: Names of the persons who issued it, from the report or the audit trail; names that no PIN confirmed say so.
     people: tuple[str, ...] = ()
     released_since: bool = False  #: Whether the unit was released after its issue, according to the audit trail.
 
@@ -71,10 +71,10 @@ class IssuedCertificate:
 def issued_certificates(
     report: ProgressCallback, log: Path, station: Path | None, language: Language
 ) -> list[IssuedCertificate]:
-    """Job: return the certificates of a run, the oldest first, each with a changed PDF or that in `language`.
+    """Job: return the certificates of a run, the oldest first, each with a changed PDF, or else the one in `language`.
 
-    Without either, it has the PDF in the other language. They are found by their number, the name of the log, so that
-    they are also known if the files of the run are missing. Raises InputError or ConfigurationError.
+    If there is neither, the PDF in the other language is returned. Certificates are found by their number, the name of
+    the log, and thus also if the files of the run are missing. Raises InputError or ConfigurationError.
     """
     path, config = load_station(station)
     folder = station_request(path, config.report, log, language).out
@@ -95,7 +95,7 @@ def issued_certificates(
 
 
 def _issued_before_release() -> set[tuple[object, object]]:
-    """Return number and digest of the certificates after whose issue the unit of the run was released."""
+    """Return number and digest of the certificates that were issued before the unit of the run was released."""
     open_, released = dict[object, set[tuple[object, object]]](), set[tuple[object, object]]()
     for event in site_events(site_folder()):
         log = event.values.get("log_sha256")

@@ -81,7 +81,7 @@ def print_label(
     log = find_log(result, result_file)
     if log is not None and result.log.sha256 and open_log(log).facts().sha256 != result.log.sha256:
         raise InputError("label.log_changed", serial=result.serial, log=log)
-    if {*result.not_compared} - {*result.unobservable}:  # no stage estimates them, and no earlier calibration either
+    if {*result.not_compared} - {*result.unobservable}:  # estimated neither by a stage nor before
         raise InputError("label.not_judged", serial=result.serial, names=result.unjudged)
 
     def record(**values: Any) -> None:
@@ -106,11 +106,11 @@ def print_label(
 
 @dataclass(frozen=True)
 class PrintedLabels:
-    """PDF files of the labels that were written, the results of those that were not printed with why, and cautions."""
+    """PDF files of labels, reasons why the labels of other results were not printed, and cautions."""
 
     pdfs: list[Path]
     errors: dict[Path, Text] = field(default_factory=dict)
-    cautions: list[Text] = field(default_factory=list)  #: What to know about the labels that were printed.
+    cautions: list[Text] = field(default_factory=list)  #: Warnings about labels that were printed.
 
 
 def print_labels(
@@ -135,7 +135,7 @@ def print_labels(
 
 
 def _replaced_registers(result: Result, runs: Path) -> Text | None:
-    """Return that the unit no longer contains the registers of a run, or why this is unknown; None if it does."""
+    """Return a caution if the unit no longer contains the registers of a run, or if this is unknown; else None."""
     try:
         registers = run_registers(result, runs)
     except ConfigurationError as error:

@@ -10,7 +10,7 @@ NONE = "–"
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
-#: Display units of checks that do not compare a parameter, by their own unit; the size is in that unit.
+#: Display units of checks that do not compare a parameter, and their sizes, by the unit of the check.
 _CHECK_UNITS = {"1": ("", 1.0), "sigma": ("σ", 1.0), "K": ("K", 1.0), "s": ("s", 1.0)}
 
 

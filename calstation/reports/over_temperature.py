@@ -17,7 +17,7 @@ _POINTS = 41
 
 
 def statement(over: TemperatureResult) -> Text:
-    """Return for which temperatures values and conformity hold, and that nothing is claimed outside them."""
+    """Return the statement that values and conformity hold only within the range of temperatures."""
     low, high = over.range_c
     return Text.of("certificate.over_temperature", low=low, high=high, reference=over.reference_c)
 
@@ -71,7 +71,7 @@ def _with_uncertainty(name: str, value: float, sigma: float) -> str:
 def _curves(
     result: Result, over: TemperatureResult, group: str, names: Sequence[str], language: Language
 ) -> dict[str, Any]:
-    """Return the changes of a group from its values at the reference, and expanded uncertainties, over the range."""
+    """Return the changes of a group from the reference temperature, with expanded uncertainties, over the range."""
     temperatures = np.linspace(*over.range_c, _POINTS)
     lines = []
     for name in names:

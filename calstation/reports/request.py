@@ -20,7 +20,7 @@ class ReportRequest:
     revise: str | None = None  #: Reason for a new revision; None for no revision.
     templates: Path | None = None  #: Folder of templates that take precedence over the site's templates.
     dcc: Path | None = None  #: File for the digital calibration certificate, which is also embedded in the PDF.
-    signing: Path | None = None  #: PKCS #12 file with which both are signed; None for no signatures.
+    signing: Path | None = None  #: PKCS #12 file that signs the PDF and `dcc`; None for no signatures.
     first: Person | None = None  #: Person who issues the report; None for the program.
     second: Person | None = None  #: Person who confirms a new certificate, if the product requires it.
 
@@ -51,7 +51,7 @@ def station_request(
 
 
 def report_folder(station: Path, section: ReportSection | None) -> Path | None:
-    """Return the folder for reports in the section `[report]` of a station file; None if it names none."""
+    """Return the folder for reports in the section `[report]` of a station file; None if it specifies none."""
     return (
         None if section is None or section.folder is None else _resolve_path(station.absolute().parent, section.folder)
     )

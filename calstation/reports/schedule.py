@@ -30,7 +30,7 @@ def schedule_words(stage: str, values: Mapping[str, JsonValue], language: Langua
 
 
 def _target(subject: str, sigma: JsonValue, language: Language) -> str:
-    """Return the target sigma of a parameter or group, which is a number in SI, in its display unit."""
+    """Return the target sigma, SI, of a parameter or group as text in the display unit."""
     name = parameter_name(subject, language)
     if not isinstance(sigma, int | float):
         return name

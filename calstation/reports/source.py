@@ -37,7 +37,7 @@ _ONLY_ATTACHED = ("details", "observability")
 
 
 def load_source(report: ProgressCallback, path: Path) -> tuple[Result, Log]:
-    """Return the result in a result file, which is verified with its log, or the result of a log; and the log.
+    """Return the result in a result file, verified with its log, or the result of a log, and the log itself.
 
     Raises InputError, for example if the file contradicts its log.
     """

@@ -82,7 +82,7 @@ def verify_time_stamp(path: Path) -> CertificateState:
 
 
 def _stamped(signed: Any) -> Any:
-    """Return what an authority has signed, RFC 3161, 2.4.2, TSTInfo."""
+    """Return the `TSTInfo` that an authority has signed (RFC 3161, 2.4.2)."""
     return signed["encap_content_info"]["content"].parsed
 
 

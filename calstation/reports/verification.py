@@ -35,21 +35,21 @@ from calstation.results import History, load_confirmed_result
 #: Maximum number of missing files that are named.
 _MAX_NAMES = 5
 
-#: End of the name of the log of a run, which is the number of its certificate; those of other logs have other ends.
+#: End of the name of a run's log, which is the number of its certificate; the names of other logs end differently.
 _RUN_LOG = re.compile(r"_\d{8}T\d{12}$")
 
 
 @dataclass(frozen=True)
 class CertificateState:
-    """What the verification of a file of a certificate has found."""
+    """Result of the verification of a file of a certificate."""
 
     findings: tuple[Text, ...]
     intact: bool  #: Whether nothing contradicts the file.
-    cautions: tuple[Text, ...] = ()  #: Those of `findings` that say what could not be verified.
+    cautions: tuple[Text, ...] = ()  #: The `findings` that state what could not be verified.
 
 
 def verify_certificate(path: Path) -> CertificateState:
-    """Compare a PDF, a digital certificate or a validation with the audit trail of the site, which issued it.
+    """Compare a PDF, a digital certificate or a validation with the audit trail of the site that issued it.
 
     Raises InputError if a file cannot be read.
     """
@@ -84,10 +84,10 @@ def verify_certificate(path: Path) -> CertificateState:
 def read_verified_trail(report: ProgressCallback, station: Path | None, runs: Path) -> SiteTrail:
     """Job: read and verify the audit trail of the site, and compare it with the files of the site and of certificates.
 
-    The files of certificates are sought in the folders for reports of the station and of all stations in the library,
-    in those next to `runs` and to the runs of certificates, and with the runs. The records of issued reports are those
-    in `runs` and in the other folders that the trail names, unless they were archived as a whole. The files of the site
-    are compared with their last version in the trail. Raises InputError if a file cannot be read.
+    The files of certificates are sought in the report folders of the station and of all stations in the library, in
+    the default report folders of `runs` and of the runs of the certificates, and next to these runs. The records of
+    issued reports are those in `runs` and in the other folders that the trail names, unless such a folder was archived.
+    The files of the site are compared with their last version in the trail. Raises InputError if a file cannot be read.
     """
     site = read_site_trail(lambda *_, **__: None)
     folders = [*_report_folders(station), default_report_folder(runs.absolute())]
@@ -108,7 +108,7 @@ def read_verified_trail(report: ProgressCallback, station: Path | None, runs: Pa
     cautions = [Text.of("audit.files_missing", count=len(missing), names=_first(missing))] if missing else []
     outside = [] if site.faults else versions.changed_outside(site_events(site_folder()))
     cautions += [Text.of("audit.changed_outside", count=len(outside), names=_first(outside))] if outside else []
-    # the files of a certificate may be with its runs, the last of the locations, where others need not be certificates
+    # the last location of a certificate is the folder of its runs, where other files need not be certificates
     searched = dict.fromkeys([*folders, *(each for *_, locations in issued for each in locations[:-1])])
     forged, unrecorded = _unrecorded_files(list(searched), runs)
     faults, cautions = [*faults, *forged, *_changed_results(runs)], [*cautions, *unrecorded]
@@ -176,7 +176,7 @@ def _unrecorded_files(folders: Sequence[Path], runs: Path) -> tuple[list[Text], 
 
 
 def _report_folders(station: Path | None) -> Iterator[Path]:
-    """Yield the folders for reports that a station and the stations in the library name; None for the latter only."""
+    """Yield the report folders that `station`, if given, and the stations in the library specify."""
     paths = [library.find("stations", name) for name in library.names("stations")]
     for path in [*([station] if station else []), *paths]:
         with suppress(ConfigurationError):
@@ -196,7 +196,7 @@ def _successors() -> dict[str, str]:
 
 
 def is_searched(file: Path, source: Path) -> bool:
-    """Return whether a verification of the audit trail seeks the file of a certificate of `source` where it is.
+    """Return whether the verification of the audit trail searches the folder of `file`, a certificate of `source`.
 
     `source` is a result or log in its folder of runs.
     """
@@ -236,10 +236,10 @@ def _content_of(file: Path) -> bytes:
 
 
 def verify_reports(folder: Path) -> CertificateState:
-    """Verify the record of issued reports in a folder of runs, and the audit trail of the site with both its witnesses.
+    """Verify the record of issued reports in a folder of runs and the audit trail of the site against each other.
 
-    They are this record, which must contain all reports that the trail names for this folder, and the heads that the
-    shared database has. Raises InputError if a file cannot be read.
+    The record must contain all reports that the trail names for this folder, and the trail its heads in the shared
+    database. Raises InputError if a file cannot be read.
     """
     state = verify_trail(site_folder(), every_signature=True)
     heads = database_heads(folder)
@@ -281,7 +281,7 @@ def _missing_runs(folder: Path) -> list[Text]:
 
 
 def _changed_results(folder: Path) -> list[Text]:
-    """Return a fault for every run that the index marks, after its update, because nothing confirms its result file."""
+    """Update the index, and return a fault for every run that it marks because nothing confirms its result file."""
     from calstation.records.run_index import FILE, RunIndex  # loads SQLAlchemy
 
     if not (folder / FILE).is_file():
