@@ -1,4 +1,4 @@
-"""Solving of many logs again on many cores, and comparison of the solutions of two versions.
+"""Repeated solution of many stored logs on many cores, and comparison of the solutions of two versions.
 
 The package writes to the shared database. It contains no solvers: `calstation.results` solves the logs.
 """

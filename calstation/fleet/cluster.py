@@ -24,11 +24,11 @@ try:
 except ImportError as exc:
     raise ConfigurationError("database.not_installed") from exc
 
-#: Maximum number of logs that the scheduler has at a time.
+#: Maximum number of logs that are submitted to the scheduler at a time.
 MAX_QUEUED = 1000
 #: Number of replacements per local worker and time without a result, s, after which the workers are abandoned.
 _MAX_REPLACEMENTS, _MAX_SILENCE = 3, 120.0
-#: Number of workers that may terminate while solving a log before it is abandoned, since other reasons are possible.
+#: Number of workers that may terminate while solving a log before the log, which may not be the cause, is abandoned.
 _MAX_TERMINATIONS = 6
 #: Time without a process after which a local worker is replaced, s; its nanny usually restarts it immediately.
 _RESTART_TIMEOUT = 10.0

@@ -58,11 +58,11 @@ class CommonLogs:
         groups = {kind: _Groups(codes, names) for kind, (codes, names) in kinds.items()}
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             shifts = dict(zip(NAMES, pool.map(lambda name: self._shifts(name, groups), NAMES), strict=True))
-        overall = {name: moves[0] for name, moves in shifts.items()}
-        by_group = {kind: {name: moves[1][kind] for name, moves in shifts.items()} for kind in GROUPS}
+        overall = {name: each[0] for name, each in shifts.items()}
+        by_group = {kind: {name: each[1][kind] for name, each in shifts.items()} for kind in GROUPS}
         worst_rows = {each[-1] for each in overall.values() if each is not None}
         for kind in GROUPS:
-            worst_rows |= {each[-1] for moves in by_group[kind].values() for each in moves if each is not None}
+            worst_rows |= {each[-1] for of_groups in by_group[kind].values() for each in of_groups if each is not None}
         logs = self._texts(self._old, self._rows_old, sorted(worst_rows), "location", "serial")
         down, up = (was == 0) & (now == 1), (was == 1) & (now == 0)
         report(1.0)
@@ -85,7 +85,7 @@ class CommonLogs:
                         int(each.counts[k]),
                         int(np.count_nonzero(down[each.rows(k)])),
                         int(np.count_nonzero(up[each.rows(k)])),
-                        _named({parameter: moves[k] for parameter, moves in by_group[kind].items()}, logs),
+                        _named({parameter: of_groups[k] for parameter, of_groups in by_group[kind].items()}, logs),
                     )
                     for k, name in each.named
                 )

@@ -1,4 +1,4 @@
-"""The result of a comparison of two versions, which the window can show without the packages for databases."""
+"""The result of a comparison of two versions, which the interface can show without the packages for databases."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass

@@ -1,4 +1,4 @@
-"""Comparison of two versions, and the jobs of the window, which import the optional package pyarrow when they run."""
+"""Comparison and export of versions, also as jobs; they import the optional package pyarrow only when they run."""
 
 import json
 from collections.abc import Collection

@@ -1,4 +1,4 @@
-"""Solving of many logs again on the workers of a Dask cluster; the database stores every finished solution."""
+"""Repeated solution of many logs on the workers of a Dask cluster; the database stores every finished solution."""
 
 import json
 import threading
@@ -65,7 +65,7 @@ class FleetRequest:
         return SolveSettings(changes, self.stages, self.first_seq, self.last_seq, self.diagnostics)
 
     def baseline(self, compare_with: str) -> str:
-        """Return the version with which the solutions are compared, where ``unchanged`` is the version of `unchanged`.
+        """Return the version to compare the solutions with; ``unchanged`` means the version of the request `unchanged`.
 
         Raises ConfigurationError if it is the version of the solutions themselves, or is missing from the database.
         """
@@ -195,7 +195,7 @@ def _known_status(request: FleetRequest, log: StoredLog, known: KnownFile | None
 def solved_results(database: str, summary: FleetSummary) -> Iterator[str]:
     """Yield the result JSON of every finished log, only once for several copies of a log.
 
-    For an unreachable log, it contains only outcome, error and location. Raises ConfigurationError if the database
+    For an unreachable log, the JSON contains only outcome, error and location. Raises ConfigurationError if the database
     cannot be used.
     """
     with open_database(database) as engine:

@@ -38,7 +38,7 @@ class Origin(NamedTuple):
 
 @dataclass(frozen=True)
 class Selection:
-    """Conditions that a selected log meets, with None for no condition; a log without the property is not selected."""
+    """Conditions for the selection of logs, None for no condition; a log whose property is unknown is not selected."""
 
     station: str | None = None
     product: str | None = None

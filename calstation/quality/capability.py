@@ -20,8 +20,8 @@ _MIN_COUNT = 3
 #: Largest number of values, evenly spaced, in the normality test, which would reject irrelevant deviations of more
 #: values.
 _MAX_TESTED = 1000
-#: Variance of the mean of n - 1 moving ranges of normal values, times (n - 1), relative to its square: the variance of
-#: a range plus its covariance with the next range, which shares a value, for n much larger than 1.
+#: Variance of the mean of n - 1 moving ranges of normal values, times (n - 1), relative to the square of the mean: the
+#: variance of a range and twice its covariance with the next range, which shares a value, for n much larger than 1.
 _RANGE_VARIANCE = (math.pi / 2 - 1) + 2 * (math.sqrt(3) / 2 + math.pi / 12 - 1)
 
 
@@ -128,7 +128,7 @@ def moving_range_dof(count: int) -> float:
 
 @lru_cache
 def _factors(dof: float, confidence: float) -> tuple[float, float]:
-    """Return the confidence limits of the reciprocal of a standard deviation, as factors."""
+    """Return the confidence limits of the reciprocal of a standard deviation relative to its estimate."""
     tail = (1.0 - confidence) / 2.0
     low, high = (float(math.sqrt(2.0 * gammaincinv(dof / 2.0, p) / dof)) for p in (tail, 1.0 - tail))
     return low, high

@@ -23,7 +23,7 @@ D4 = 1.0 + 3.0 * D3 / D2
 #: Numbers of Nelson's rules.
 RULES = (1, 2, 3, 4, 5, 6, 7, 8)
 
-#: Number of values from which center and standard deviation are estimated: the first ones, so that they do not change.
+#: Number of first values from which center and standard deviation are estimated; later values do not change them.
 BASELINE = 100
 
 #: Smallest number of values for an estimate.
@@ -46,8 +46,8 @@ class Widths:
 #: Limits for a known center and sigma: one false alarm of each chart in 370 values (Montgomery; J. M. Lucas and
 #: M. S. Saccucci, Technometrics 32(1), 1990, 1-12; D. M. Hawkins, Journal of Quality Technology 25(4), 1993, 248-261).
 KNOWN_WIDTHS = Widths()
-#: Limits for a center and sigma estimated from `BASELINE` values, whose errors would otherwise cause half as many
-#: alarms again: one false alarm in 370 values on average over baselines. The limit of the individuals is exact,
+#: Limits for a center and sigma estimated from `BASELINE` values, whose errors would otherwise cause 50 % more alarms:
+#: one false alarm in 370 values on average over baselines. The limit of the individuals is exact,
 #: t(0.99865) with the degrees of freedom of the mean moving range, times sqrt(1 + 1 / BASELINE) (F. S. Hillier, Journal
 #: of Quality Technology 1(1), 1969, 17-26); the limits of EWMA and CUSUM are simulated (L. A. Jones, Journal of Quality
 #: Technology 34(3), 2002, 277-288; L. A. Jones, C. W. Champ and S. E. Rigdon, Journal of Quality Technology 36(1),
@@ -110,7 +110,7 @@ class IndividualsChart:
     sigma: float  #: Short-term standard deviation of a value.
     low: float  #: Lower control limit.
     high: float  #: Upper control limit.
-    #: Moving ranges of two successive values, shape (n - 1,), or (n,) with the one of an earlier value and the first.
+    #: Moving ranges of two successive values, shape (n - 1,), or (n,) with the range of an earlier and the first value.
     ranges: FloatArray
     range_center: float
     range_high: float  #: Upper control limit of the moving ranges; the lower is 0.

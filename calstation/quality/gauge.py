@@ -279,7 +279,7 @@ class _Model:
         return _Model(squares, dofs)
 
     def expected(self, term: Term) -> dict[Term, float]:
-        """Return the combination of mean squares whose expectation is that of a term without variance."""
+        """Return the combination of mean squares with the expectation of a term's mean square if its variance is 0."""
         combination = {_ERROR: 1.0}
         for other in self.containing(term):
             combination[other] = combination.get(other, 0.0) + 1.0
@@ -311,7 +311,7 @@ class _Model:
         return ratio, float(fdtrc(self.dofs[term], value**2 / spread, ratio))
 
     def interval(self, combinations: Sequence[_Combination], tail: float) -> tuple[float, float]:
-        """Return the generalised confidence interval of the sum of variances, which is not below 0.
+        """Return the generalised confidence interval of a sum of variances; its limits are at least 0.
 
         Each mean square is distributed as its expectation times chi-square divided by the degrees of freedom.
         """
@@ -326,7 +326,7 @@ class _Model:
 
 @lru_cache(maxsize=8)
 def _draws(dofs: tuple[int, ...]) -> list[FloatArray]:
-    """Return independent draws of chi-square with these degrees of freedom, which all parameters of a study share.
+    """Return independent chi-square draws with these degrees of freedom, the same for all parameters of a study.
 
     Each is a Latin hypercube sample, with which the quantiles of a sum have a much smaller error than with random
     draws.

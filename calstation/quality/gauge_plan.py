@@ -197,7 +197,7 @@ class GaugePlan(BaseModel):
         return tuple(getattr(each, factor) for factor in self.factors)
 
     def count(self, runs: RunColumns) -> int:
-        """Return the number of complete, judged runs of the study, also surplus ones and those without files."""
+        """Return the number of complete, judged runs of the study, including surplus runs and runs without files."""
         return len(self._rows(runs, missing=True))
 
     def _rows(self, runs: RunColumns, *, missing: bool = False) -> IntArray:
@@ -234,7 +234,7 @@ class StudyState:
     out_of_order: int  #: Number of runs that were not made in the planned order.
     studies: Mapping[str, GaugeStudy]  #: By parameter, SI; empty while runs are missing.
     values: Mapping[str, FloatArray]  #: By parameter, SI; see `GaugePlan.values`.
-    lost: tuple[Measurement, ...] = ()  #: Those of `missing` that have been made, and whose files are missing.
+    lost: tuple[Measurement, ...] = ()  #: Measurements in `missing` that were made, but whose files are missing.
     simulated: SimulatedRuns = NOT_SIMULATED
 
     def by_appraiser(self, name: str) -> FloatArray:

@@ -22,7 +22,7 @@ SCALES = tuple(f"accel_scale_{axis}" for axis in AXES)
 _MAX_RUNS = 500
 #: Smallest number of runs, and of repeated runs from which repeatability is estimated.
 _MIN_RUNS, _MIN_REPEATED = 6, 3
-#: Smallest step, in sigmas, for any time of the step, and without any single unit.
+#: Smallest step, in sigmas, of all units, and of the other units if any single unit is left out.
 _MIN_SIGMAS, _MIN_WITHOUT_ONE = 5.0, 3.0
 #: Ratio of the standard deviation of normal values to the median of their magnitudes.
 _MAD = 1.4826
@@ -34,7 +34,7 @@ class GravityShift:
 
     name: str  #: File name of the log of the first run after the step, without suffix.
     started: float  #: Its start, s since 1970 in UTC.
-    step: float  #: Relative change; a gravity that is too large by this ratio has the opposite effect.
+    step: float  #: Relative change; an assumed gravity that becomes too large by this ratio causes the opposite step.
     sigma: float
     units: int  #: Number of units after the step.
 
@@ -42,7 +42,7 @@ class GravityShift:
 def gravity_shift(station: StationConfig, runs: RunColumns) -> GravityShift | None:
     """Return the most significant common step over the runs of a product at a station; None without one.
 
-    Check standards and repeated units reveal a small step, new units one that exceeds their scatter.
+    Check standards and repeated units reveal small steps, new units only steps that exceed their scatter.
     """
     rows = judged_runs(runs)
     rows = rows[runs.stations.isin((station.name,))[rows]]

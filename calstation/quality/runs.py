@@ -52,9 +52,9 @@ NOT_SIMULATED = SimulatedRuns()
 def product_runs(folder: Path, product: str, station: str = "", *, measured: bool) -> RunColumns:
     """Return the runs of a product and a station in a folder, "" for all of them, from the folder's index.
 
-    If `measured`, simulated runs are left out; `SimulatedRuns` determines it for statistics of a folder.
-    They include runs whose files are missing. They are read again only if the index has changed or the last call was
-    for other runs, so that filtering 100,000 runs does not read them again.
+    If `measured`, simulated runs are left out (`SimulatedRuns` decides this for statistics of a folder). Runs whose
+    files are missing are included. The runs are read again only if the index has changed or the last calls were for
+    other runs, so that repeated statistics of 100,000 runs do not read them again.
     """
     return _columns(folder, product, station, History(folder).mark(), measured)
 

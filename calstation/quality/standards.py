@@ -16,7 +16,7 @@ from calstation.records import InstrumentSection, OverriddenSection, RunFilter, 
 from calstation.results import History, Result
 
 #: Why production is refused: no run of a check standard has passed, or the next is overdue; its last run failed a limit
-#: or a check of the product, is out of agreement with the reference, or its result was altered; or a certificate.
+#: or a check of the product, disagrees with the reference, or was altered; or a certificate is overdue.
 Reason = Literal["never", "overdue", "failed", "out", "altered", "certificate"]
 #: State of an instrument: its next calibration is overdue, its calibration is dated after today, it has no due date, or
 #: there is no problem.
@@ -40,7 +40,7 @@ class Due:
 
     @property
     def section(self) -> OverriddenSection:
-        """The entry of the log of a run that is permitted nevertheless."""
+        """The entry in the log of a run that is permitted despite the problem."""
         utc = "" if self.since is None else f"{self.since.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
         return OverriddenSection(
             reason=self.reason, name=self.name, since=self.when if self.reason == "certificate" else utc
@@ -85,7 +85,7 @@ def standard_states(
 ) -> list[StandardState]:
     """Return the state of every check standard of a product at a station with its run `history`.
 
-    The last of `whole_runs` must have passed, must agree with the current reference, and must not be older than the
+    The latest of `whole_runs` must have passed, must agree with the current reference, and must not be older than the
     standard's interval. A run whose result was altered does not show that the standard agrees.
     """
     if not product.check_standards:

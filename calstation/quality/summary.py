@@ -43,7 +43,7 @@ from calstation.results import History
 
 #: Smallest number of values of a parameter for charts and capability.
 MIN_VALUES = 10
-#: Relative change at which the iteration ends, and its largest number of steps.
+#: Relative change at which the iteration ends, and its maximum number of steps.
 _CONVERGED, _STEPS = 1e-9, 100
 
 
@@ -99,7 +99,7 @@ class Charts:
         return {**nelson, "range": self.individuals.range_signals, "ewma": self.ewma.signals, "cusum": cusum_signals}
 
     def after(self, count: int) -> "Charts":
-        """Return the charts without their first `count` values, whose effects on later points they keep."""
+        """Return the charts without their first `count` values, which still affect later points."""
         return Charts(self.individuals.after(count), self.ewma.after(count), self.cusum.after(count))
 
 
@@ -328,7 +328,7 @@ class _Limits:
 
 @dataclass(frozen=True)
 class _Reference:
-    """Declared values of a check standard, and the variances of the true values about them for some runs."""
+    """Declared values of a check standard, and the variances of its true values about them at n runs."""
 
     standard: CheckStandardSection
     variances: Mapping[str, FloatArray]  #: SI, shape (n,).
@@ -363,7 +363,7 @@ def _charts(
 ) -> Iterator[ParameterQuality]:
     """Yield charts and capability of the parameters that have enough values, and charts of `common_scale`.
 
-    They show the runs that started at `start` or later; process and charts begin with the first of all `rows`.
+    The charts show the runs that started at `start` or later, but are computed from the first of all `rows` on.
     """
     names, started = tuple(map(runs.names.__getitem__, rows.tolist())), runs.started[rows]
     columns = {name: (values, runs.sigmas[name]) for name, values in runs.values.items()}

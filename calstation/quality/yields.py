@@ -82,8 +82,8 @@ def count_yields(runs: RunColumns, since: float = -math.inf, excluded: Collectio
     """Return the yield of the runs that started at `since` or later, s since 1970 in UTC.
 
     Runs whose files are missing count, so that deleting files does not raise the yield. Earlier runs only determine
-    which units had their first run before. Runs of check standards and of the units
-    `excluded` are omitted. A run that failed several checks is included in each of them.
+    which units had their first run before. Runs of check standards and of the units `excluded` are omitted. A run that
+    failed several checks counts for each of them.
     """
     judged = production_runs(runs, excluded, missing=True)
     units = runs.products.codes[judged] * len(runs.serials.values) + runs.serials.codes[judged]
