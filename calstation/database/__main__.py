@@ -1,4 +1,4 @@
-"""The exchange process of a window or a run: `python -m calstation.database`.
+"""The exchange process of the user interface or a run: `python -m calstation.database`.
 
 The first line of JSON on standard input specifies the work. Each later line contains the units to claim and replaces
 the previous ones.

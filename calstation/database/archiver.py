@@ -17,7 +17,7 @@ class LogArchiver:
         self._uncopied_logs: list[str] = []  #: Names of closed logs that are not in the archive.
         self._failed: set[str] = set()  #: Names of logs that could not be copied since the last success.
         #: Value of the index's `change_token` when every log was closed and copied; None before.
-        self._idle_version: str | None = None
+        self._idle_token: str | None = None
 
     def copy_next(self) -> bool:
         """Copy the next log, unless another process is copying; return whether a log was copied.
@@ -59,12 +59,12 @@ class LogArchiver:
         index.
         """
         token = self._outbox.index.change_token
-        if token is not None and token == self._idle_version:
+        if token is not None and token == self._idle_token:
             return []
         copied = self._outbox.copies()
         logs = [name for name in self._outbox.index.stamps() if name not in copied and self._log(name).exists()]
         names = sorted(name for name in logs if self._is_closed(name))
-        self._idle_version = None if logs else token
+        self._idle_token = None if logs else token
         if self._failed.issuperset(names):
             self._failed.clear()
         return sorted(names, key=lambda name: (name in self._failed, name))

@@ -1,6 +1,6 @@
-"""Synchronisation of a runs folder with the shared database, which sends messages, receives runs and claims units.
+"""Synchronisation of a runs folder with the shared database: sends messages, receives runs and claims units.
 
-Claims warn two stations that both have scanned the same unit.
+Claims warn the operators if two stations have scanned the same unit.
 """
 
 import logging
@@ -122,7 +122,7 @@ class Exchange:
         self._claimed_serials = set(claimed)
 
     def _exchange_heads(self, engine: sa.Engine) -> None:
-        """Store the head of the site's audit trail in the database, and keep the latest head of every trail in it."""
+        """Store the head of the site's audit trail in the database, and the latest heads of all trails locally."""
         trail = audit_path(site_folder())
         status = trail.stat() if trail.exists() else None
         stamp = None if status is None else (status.st_mtime_ns, status.st_size)
@@ -141,7 +141,7 @@ class Exchange:
             store_database_heads(self.outbox.folder, [DatabaseHead(head, station) for head, station in heads.items()])
 
     def _send_head(self, engine: sa.Engine, state: TrailState) -> dict[TrailHead, str]:
-        """Store the head of the site's audit trail, and return the stored heads that contradict it, with stations.
+        """Store the head of the site's audit trail; return the stored heads that contradict it, and their stations.
 
         A changed trail is not stored.
         """

@@ -1,4 +1,4 @@
-"""Messages from a runs folder to the shared database about runs and log copies that it has not acknowledged.
+"""Messages from a runs folder to the shared database about runs and log copies not yet acknowledged by the database.
 
 There is no queue. Each pass compares the folder's runs with the stamps stored in the database, so that nothing is lost
 if a process is killed, and nothing is sent twice. The index of the folder keeps a copy of the acknowledged stamps,
@@ -23,10 +23,10 @@ from calstation.parsing import parse_json, read_json
 from calstation.records import ChainedFile, IndexedRun, RunIndex, RunRecord, Verdict, locked, to_columns, write_atomic
 from calstation.results import History
 
-#: File name of the outbox's random name and location; the history ignores hidden files.
+#: File with the random name and the location of the outbox; the history ignores hidden files.
 LOCATION_FILE = ".outbox.json"
 
-#: The file and its copy, which replaces it if it is damaged: the database would take a new name for another folder.
+#: The file, and a copy in case it is damaged, because the database would take a new name for another folder.
 _FILES = (LOCATION_FILE, ".outbox-copy.json")
 
 #: Lock for the creation of the file, and the longest time to wait for it, s.
@@ -236,7 +236,7 @@ def adopt_folder(folder: Path, *, copied: bool) -> None:
 
 
 def _read_location(folder: Path) -> tuple[str, str, str]:
-    """Return the name of the outbox, and its computer and folder; a file that is damaged is restored from its copy.
+    """Return the name of the outbox, its computer and its folder; a damaged file is restored from its copy.
 
     Raises ConfigurationError if neither the file nor its copy can be read.
     """

@@ -1,4 +1,4 @@
-"""Process that exchanges the runs of a folder with the shared database while the window or a run uses it."""
+"""Process that exchanges the runs of a folder with the shared database while the user interface or a run uses it."""
 
 import json
 import logging

@@ -1,6 +1,6 @@
 """Runs of other stations: their logs in the archive and their results in the shared database.
 
-The window refers to these functions by name and imports neither the database nor the archive; the job process does.
+The interface refers to these functions by name; only the job process imports the packages for database and archive.
 """
 
 import os

@@ -1,9 +1,9 @@
--- Roles of the shared database, each with the least rights that its work needs. To be executed in the database by its
--- owner, once it has its tables and again after every upgrade; the owner may create roles (CREATEROLE), or an
--- administrator has created the three roles before.
+-- Roles of the shared database, each with the least rights that its work needs. The owner of the database executes this
+-- script after the tables were created and again after every upgrade. The owner needs the right to create roles
+-- (CREATEROLE), unless an administrator has already created the three roles.
 --
 --   calstation_station  a station: adds and changes runs of its own folders, claims units; deletes no run, reads all
---   calstation_fleet    solves logs again: reads runs, adds solutions, changes where their logs lie
+--   calstation_fleet    solves logs again: reads runs, adds solutions, changes the locations of their logs
 --   calstation_reader   reads all, for evaluations
 --
 -- A login of each station is a member of its role: CREATE ROLE line1 LOGIN PASSWORD '...' IN ROLE calstation_station;
@@ -40,8 +40,8 @@ GRANT USAGE ON SEQUENCE solutions_id_seq TO calstation_fleet;
 
 GRANT SELECT ON claims TO calstation_reader;
 
--- A login changes only the outboxes that it has registered, or that no login has, and what belongs to them. Policies do
--- not concern the owner of the tables.
+-- A login may change only outboxes that it has registered or that have no login, and the rows that belong to them.
+-- Policies do not apply to the owner of the tables.
 DO $$
 DECLARE
     name text;

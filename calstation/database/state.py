@@ -1,4 +1,4 @@
-"""State of the exchange with the shared database, stored in a file that the window reads without using the network."""
+"""State of the exchange with the shared database in a file, which the interface reads without using the network."""
 
 import json
 from dataclasses import dataclass, replace

@@ -1,6 +1,6 @@
-"""Calibrations as other programs read them, each checked by the formula of the program that reads it.
+"""Export of calibrations to other programs, each checked with the formula of the program that reads it.
 
-A format is a module that writes and evaluates its files, and one entry in `FORMATS`. Recordings are in `records`.
+A format is a module that writes and evaluates its files, and one entry in `FORMATS`. `records` exports recordings.
 """
 
 from calstation.exports.check import ExportCheck

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 _INDENT = 2
-#: Numbers such as 1e-05, which are texts to readers of YAML 1.1, such as Kalibr's, without a decimal point.
+#: Numbers such as 1e-05, which readers of YAML 1.1 such as Kalibr take for text, because they lack a decimal point.
 _WITHOUT_POINT = re.compile(r"(?<![\w.\"])(-?\d+)(?=e[-+]\d)")
 
 

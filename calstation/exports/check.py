@@ -1,4 +1,4 @@
-"""Comparison of an export, evaluated by the reading program's formula, with the samples that we correct."""
+"""Comparison of an export, evaluated with the formula of the reading program, with calstation's own correction."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -14,11 +14,11 @@ from calstation.records import context_from_meta
 #: Largest difference of an export from calstation's correction with the same parameters, relative to the largest
 #: sample.
 TOLERANCE = 1e-9
-#: Samples that turn and accelerate every axis alone and together, which show every wrong element, unlike a recording at
-#: rest: angular rates, rad/s, and specific forces, m/s².
+#: Samples that rotate and accelerate every axis alone and in combination, so that every wrong element is detected,
+#: unlike in a recording at rest: angular rates, rad/s, and specific forces, m/s².
 _DIRECTIONS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 2, 3], [2, -3, 1], [3, 1, -2]], dtype=np.float64)
 _PROBES = np.hstack([_DIRECTIONS, 10.0 * np.roll(_DIRECTIONS, 1, axis=0)])
-#: Small samples, beside which an error of the bias is not negligible.
+#: Small samples, compared with which an error of the bias is not negligible.
 _SMALL_PROBES = 1e-6 * _PROBES
 
 
@@ -32,7 +32,7 @@ class ExportCheck:
     accel: float  #: Largest difference of the specific force, m/s².
     gyro_sigmas: float  #: `gyro` in standard deviations of the noise of a sample.
     accel_sigmas: float  #: `accel` in standard deviations of the noise of a sample.
-    not_expressed: Mapping[str, float]  #: What the format cannot express, see `ExportSource.not_expressed`, SI.
+    not_expressed: Mapping[str, float]  #: Values that the format cannot express, see `ExportSource.not_expressed`, SI.
     of_limit: Mapping[str, float]  #: Sizes of `not_expressed` relative to the product's limits, if it has any.
     exceeding: tuple[str, ...]  #: Names in `not_expressed` whose sizes exceed the product's limits.
 

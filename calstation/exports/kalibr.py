@@ -44,7 +44,7 @@ def _write(source: ExportSource) -> Files:
 
 
 def _lower_and_rotation(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return a lower triangular matrix with a positive diagonal and a rotation, shape (3, 3), whose product it is."""
+    """Factor a matrix into a lower triangular matrix with a positive diagonal and a rotation, shape (3, 3) each."""
     orthogonal, upper = np.linalg.qr(matrix.T)
     signs = np.diag(np.sign(np.diag(upper)))
     return (signs @ upper).T, (orthogonal @ signs).T

@@ -23,7 +23,7 @@ _OVER_TEMPERATURE = "(T)"
 Files = Mapping[str, bytes]
 #: Corrects angular rate, rad/s, and specific force, m/s², shape (n, 3) each.
 Corrector = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
-#: Corrects them at temperatures, °C, shape (n,); NaN outside the range.
+#: Corrects the same quantities at temperatures, °C, shape (n,); NaN outside the range.
 TemperatureCorrector = Callable[[FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 
@@ -52,7 +52,7 @@ class ExportFormat:
 
     groups: frozenset[str]  #: Parameter groups that the format can express.
     write: "Callable[[ExportSource], Files]"
-    #: Returns the reading program's own correction with the content of the files.
+    #: Returns the correction that the reading program applies with the content of the files.
     read: Callable[[Files], Corrector]
     #: The same for a calibration over temperature; None if the format cannot express one.
     read_over: Callable[[Files], TemperatureCorrector] | None = None
@@ -68,7 +68,7 @@ class ExportSource:
     limits: Mapping[str, float]  #: Largest error of a parameter that the product permits, SI, by name.
     imu: ImuSection
     log: Log  #: Recording for the check.
-    temperature: TemperatureResult | None = None  #: `parameters` are those at its reference temperature.
+    temperature: TemperatureResult | None = None  #: If given, `parameters` apply at its reference.
 
     @classmethod
     def of(cls, result: Result, log: Log | None = None, file: Path | None = None) -> "ExportSource":
@@ -80,7 +80,7 @@ class ExportSource:
         ----------
         result : result to export
         log : recording for the check; None for the result's own log
-        file : file of the result, next to which its log is searched
+        file : file of the result, next to which its log is sought
         """
         path = find_log(result, file or Path(result.log.file))
         result_log = log if path is None or (log is not None and log.path == path) else open_log(path)

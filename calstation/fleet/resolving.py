@@ -195,7 +195,7 @@ def _known_status(request: FleetRequest, log: StoredLog, known: KnownFile | None
 def solved_results(database: str, summary: FleetSummary) -> Iterator[str]:
     """Yield the result JSON of every finished log, only once for several copies of a log.
 
-    For an unreachable log, the JSON contains only outcome, error and location. Raises ConfigurationError if the database
+    For an unreachable log, the JSON has only outcome, error and location. Raises ConfigurationError if the database
     cannot be used.
     """
     with open_database(database) as engine:
