@@ -38,7 +38,7 @@ def compatible_products(station: Path | None, instead_of: Path | None) -> list[t
 
 
 def with_product(request: RunRequest) -> RunRequest:
-    """Complete a request without a product by the station file's product or the first that the station can calibrate.
+    """Add the station file's product, or the first that the station can calibrate, to a request without a product.
 
     The first product that the station can calibrate is used only if `DEFAULT_PRODUCT`, the product of a request without
     one, needs another kind of station: an error in the files of the station must not start a run of another product. A

@@ -1,4 +1,4 @@
-"""Checks that product, unit, table, chamber and site of a run fit together."""
+"""Checks that product, unit, table, chamber and site of a run are compatible."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class ManualRigError(ConfigurationError):
-    """Raised if the station is for no run, or lacks the driven table, the manual rig or the gimbal of a stage."""
+    """Raised if the station cannot execute runs, or lacks the driven table, manual rig or gimbal that a stage needs."""
 
 
 def check_station(setup: "RunConfiguration") -> None:
@@ -89,7 +89,7 @@ def check_chamber(setup: "RunConfiguration") -> None:
 
 
 def temperature_ranges(setup: "RunConfiguration") -> dict[str, tuple[float, float]]:
-    """Return the ranges of table and unit in a chamber, °C. Raises ConfigurationError if a profile names none."""
+    """Return the ranges of table and unit in a chamber, °C. Raises ConfigurationError if a profile has none."""
     ranges = {}
     for device, profile in (("table", setup.table), ("unit", setup.imu)):
         if profile.range_c is None:

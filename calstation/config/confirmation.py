@@ -99,7 +99,7 @@ def confirm(
 
 
 def unlisted_engineer(badge: str) -> Text | None:
-    """Return that no station of the site lists a badge as that of an engineer, whose PIN therefore proves nothing."""
+    """Return a warning if no station of the site lists a badge as an engineer's, so that its PIN proves nothing."""
     for name in library.names("stations"):
         with suppress(CalstationError):  # a damaged station file lists nobody
             if badge in _engineers(load_station(library.find("stations", name))[1]):

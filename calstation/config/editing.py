@@ -1,4 +1,4 @@
-"""Editing of a site's files, which lists files, checks texts, and changes values without losing comments."""
+"""Editing of a site's files: lists files, checks texts, and changes values without losing comments."""
 
 import re
 import tomllib
@@ -98,7 +98,7 @@ def detect_kind(path: Path, text: str) -> str:
 
 
 def check(kind: str, text: str, path: Path | None = None) -> list[Problem]:
-    """Return all errors for which the file at `path` with this text could not be loaded; [] if it may be saved.
+    """Return all errors due to which a file at `path` with this text could not be loaded; [] if it may be saved.
 
     Parameters
     ----------
@@ -116,10 +116,10 @@ def check(kind: str, text: str, path: Path | None = None) -> list[Problem]:
 
 
 def warnings(kind: str, text: str) -> list[Problem]:
-    """Return what is probably wrong in a valid text of a product.
+    """Return warnings about probable mistakes in a valid text of a product.
 
-    These are limits that no stage of the product can judge, limits of a value that are narrower than those of its
-    sigma, and sigmas at which a stage may end that are above the limit.
+    These are limits that no stage of the product can judge, limits of a value that are narrower than the limit of its
+    sigma, and target sigmas above the limit of the sigma.
     """
     if kind != "products":
         return []
@@ -267,7 +267,7 @@ def line_of(text: str, keys: KeyPath) -> int:
 def edit_toml(text: str, changes: Mapping[KeyPath, Any]) -> str:
     """Change some values of a text and leave everything else, including comments, unchanged.
 
-    Of a comment that only repeats a changed value in another unit, the unit remains.
+    A comment that only repeats a changed value in another unit is reduced to that unit.
 
     `changes` contains new values by entry; None removes the value, and its table if it becomes empty.
     """

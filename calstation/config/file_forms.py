@@ -12,7 +12,7 @@ from calstation.config.forms import (
     FormCell,
     FormColumn,
     FormRow,
-    Get,
+    ReadValue,
     Unit,
     cell_of,
     entry_rows,
@@ -47,7 +47,7 @@ def _unit(name: str) -> Unit:
         return NO_UNIT
 
 
-def _limit_stages(get: Get) -> list[str]:
+def _limit_stages(get: ReadValue) -> list[str]:
     """Return the stages for which a limit specifies a separate sigma for partial runs."""
     limits = get(("limits",))
     return list(
@@ -55,12 +55,12 @@ def _limit_stages(get: Get) -> list[str]:
     )
 
 
-def _limit_columns(get: Get) -> list[FormColumn]:
+def _limit_columns(get: ReadValue) -> list[FormColumn]:
     after = [FormColumn("sigma_below_after", stage) for stage in _limit_stages(get)]
     return [*map(FormColumn, ("unit", "lowest", "highest", "sigma_below")), *after, FormColumn("target")]
 
 
-def _limit_rows(get: Get) -> list[FormRow]:
+def _limit_rows(get: ReadValue) -> list[FormRow]:
     rows = []
     for name in dict.fromkeys((*keys_of(get(("limits",))), *keys_of(get(("targets",))))):
         unit, key_path = _unit(name), ("limits", name)
@@ -72,7 +72,7 @@ def _limit_rows(get: Get) -> list[FormRow]:
     return rows
 
 
-def _noise_rows(get: Get) -> list[FormRow]:
+def _noise_rows(get: ReadValue) -> list[FormRow]:
     rate = get(("stream", "output")) == "rate"
     gyro, accel = ("rad/s", "m/s²") if rate else ("rad", "m/s")
     units = {
@@ -92,7 +92,7 @@ def _noise_rows(get: Get) -> list[FormRow]:
     return [FormRow(str(cell.key_path[-1]), (cell, cell.unit[0])) for cell in cells]
 
 
-def _prior_rows(get: Get) -> list[FormRow]:
+def _prior_rows(get: ReadValue) -> list[FormRow]:
     rows = []
     for name in dict.fromkeys((*keys_of(get(("prior",))), *keys_of(get(("stability",))))):
         unit = _unit(name)
@@ -110,7 +110,7 @@ _REGISTER = (
 _CONVENTION = ("matrix", "identity", "negated", "offset", "added")
 
 
-def _register_cells(get: Get, key_path: KeyPath) -> Iterator[FormCell | str]:
+def _register_cells(get: ReadValue, key_path: KeyPath) -> Iterator[FormCell | str]:
     content = get((*key_path, "parameters"))
     unit = _content_unit(content)
     formula = "matrix" in str(content) or "offset" in str(content) or get((*key_path, "convention")) is not None
@@ -144,8 +144,8 @@ def _unit_of_content(name: str) -> Unit:
     return _unit(f"{sensor}_bias" if slot.startswith("offset") else name)
 
 
-def _new_register(_: Get, profile: BaseModel | None) -> dict[str, Any]:
-    """Return a new entry of the register map at the next free address; it contains 0 until it is given a name."""
+def _new_register(_: ReadValue, profile: BaseModel | None) -> dict[str, Any]:
+    """Return a new entry of the register map at the next free address; the register contains 0 until it is named."""
     if not isinstance(profile, ImuProfile) or not profile.registers:
         return {"address": 0, "parameters": [""], "range": [-1.0, 1.0]}
     last = profile.registers[-1]
@@ -162,7 +162,7 @@ _COMPARED = tuple(name for name in NAMES if not name.startswith("outer_lever"))
 _OTHER_GROUPS = tuple(dict.fromkeys(p.group for p in (*PAIR_PARAMETERS, *EFFECT_PARAMETERS)))
 
 
-def _standard_cells(_: Get, key_path: KeyPath) -> tuple[FormCell, ...]:
+def _standard_cells(_: ReadValue, key_path: KeyPath) -> tuple[FormCell, ...]:
     return (
         FormCell((*key_path, "serial"), kind="text"),
         FormCell((*key_path, "interval_days")),
@@ -172,10 +172,10 @@ def _standard_cells(_: Get, key_path: KeyPath) -> tuple[FormCell, ...]:
 
 
 def reference_form(number: int) -> Form:
-    """Return the form of the reference values of a check standard, which is counted from 0."""
+    """Return the form of the reference values of a check standard, given by its number from 0."""
     root: KeyPath = ("check_standards", number, "reference")
 
-    def rows(get: Get) -> list[FormRow]:
+    def rows(get: ReadValue) -> list[FormRow]:
         return [
             FormRow(
                 name,
@@ -189,7 +189,7 @@ def reference_form(number: int) -> Form:
     return Form("reference", "products", (root,), columns, rows, "parameter", _COMPARED)
 
 
-def _confirmation_rows(_: Get) -> list[FormRow]:
+def _confirmation_rows(_: ReadValue) -> list[FormRow]:
     key_path = ("confirmation", "required_for")
     actions = get_args(get_args(ConfirmationSection.model_fields["required_for"].annotation)[0])
     return [

@@ -1,4 +1,4 @@
-"""Forms for files and schedules, whose models describe the fields; values are in display units."""
+"""Forms for files and schedules. Pydantic models describe the fields; values are in display units."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -14,7 +14,7 @@ from calstation.physics import from_unit, in_unit
 from calstation.schema import KeyPath, Problem, value_at
 
 #: Function that returns the value at a key path of a file, or None.
-Get = Callable[[KeyPath], Any]
+ReadValue = Callable[[KeyPath], Any]
 
 #: Display unit and its size in SI.
 Unit = tuple[str, float]
@@ -91,12 +91,12 @@ class FormCell:
     """A value of a file in a table.
 
     key_path : key path of the value, or of the interval that it limits
-    kind : a number, a text, names separated by commas, a date as YYYY-MM-DD, one of `choices`, of which None omits the
-        entry, or the number of entries, which cannot be edited
+    kind : type of the value: a number, a text, names separated by commas, a date as YYYY-MM-DD, one of `choices`, where
+        None omits the entry, or ``entries``, the number of entries, which is read-only
     end : 0 for the lowest value of an interval, 1 for the highest
     magnitude : whether the interval may also be a single number, which means ± this number
     component : number of the component of a vector, 0 to 2; all components are 0 if the file has no vector
-    member : text whose presence in a list is the value, which is one of the choices True and False
+    member : text that the cell adds to or removes from a list; its value is True if the list contains the text
     default : value if the file has none
     """
 
@@ -115,7 +115,7 @@ class FormCell:
         """Whether the value can be edited in the table."""
         return self.kind != "entries"
 
-    def value(self, get: Get) -> Any:
+    def value(self, get: ReadValue) -> Any:
         """Return the value in the file, or None."""
         value, part = get(self.key_path), self._part
         if self.member is not None:
@@ -126,15 +126,15 @@ class FormCell:
             return value[part] if part < len(value) else None
         return -value if self.end == 0 and isinstance(value, float | int) else value
 
-    def is_set(self, get: Get) -> bool:
+    def is_set(self, get: ReadValue) -> bool:
         """Return whether the file contains the value itself; False for a default and the lower end of a ± interval."""
         value = get(self.key_path)
         if self.member is not None:
             return bool(self.value(get))
         return value is not None and (self.end != 0 or isinstance(value, list))
 
-    def displayed(self, get: Get) -> Any:
-        """Return the choice, or the text of the value or its default in the display unit."""
+    def displayed(self, get: ReadValue) -> Any:
+        """Return the choice, or the value (else the default) as text in the display unit."""
         value = self.value(get)
         value = self.default if value is None else value
         if self.kind == "choice":
@@ -149,7 +149,7 @@ class FormCell:
             return in_unit(value, self.unit[1])
         return str(value)
 
-    def changes(self, get: Get, entered: Any) -> dict[KeyPath, Any]:
+    def changes(self, get: ReadValue, entered: Any) -> dict[KeyPath, Any]:
         """Return the changes to the file for an entered text or choice; empty if it is already displayed.
 
         A text that is not a number is stored unchanged, so that the validation of the file reports it.
@@ -202,7 +202,7 @@ class FormCell:
         return self.end if self.component is None else self.component
 
     def _follows(self, lowest: Any, interval: Any) -> bool:
-        """Return whether an entered lowest value is empty or the opposite of the highest one, as displayed."""
+        """Return whether an entered lowest value is empty or equals minus the highest value, as displayed."""
         highest = interval[1] if isinstance(interval, list) and len(interval) == 2 else None
         if not (isinstance(highest, float | int) and highest > 0):
             return False
@@ -260,7 +260,7 @@ class Form:
     """A form for some of the entries of a kind of file.
 
     roots : entries that contain the values; new rows are added to the first one
-    names : kind of the names of the rows; a name of the kind ``text`` is typed to add its row
+    names : kind of row names; with ``text``, the user types the name of a new row
     offered : names of the rows that can be added
     new_entry : if the rows are the entries of an ordered list, function that returns a new entry; its last argument is
         the model of the file, or None for an invalid file
@@ -270,11 +270,11 @@ class Form:
     name: str
     kind: str
     roots: tuple[KeyPath, ...]
-    columns: Callable[[Get], list[FormColumn]]
-    rows: Callable[[Get], list[FormRow]]
+    columns: Callable[[ReadValue], list[FormColumn]]
+    rows: Callable[[ReadValue], list[FormRow]]
     names: Literal["parameter", "key", "number", "text"]
     offered: tuple[str, ...] = ()
-    new_entry: Callable[[Get, BaseModel | None], Any] | None = None
+    new_entry: Callable[[ReadValue, BaseModel | None], Any] | None = None
     new_value: Any = field(default_factory=dict)
 
     @property
@@ -292,7 +292,7 @@ class Form:
 
 
 def cells_with_problem(rows: Sequence[FormRow], problem: Problem) -> list[FormCell]:
-    """Return the cells to mark for a problem: the cells of its value, or else the first cell of its row."""
+    """Return the cells to mark for a problem: those of its value, those in its table, or the first cell of its row."""
     for row in rows:
         cells = [cell for cell in row.cells if isinstance(cell, FormCell)]
         if concerned := [cell for cell in cells if cell.matches(problem)]:
@@ -304,7 +304,7 @@ def cells_with_problem(rows: Sequence[FormRow], problem: Problem) -> list[FormCe
 
 
 def _number(text: str) -> float:
-    """Convert a text to a number, which is an integer if it has no decimal point. Raises ValueError."""
+    """Convert a text to an integer if it is the text of one, or else to a float. Raises ValueError."""
     try:
         return int(text)
     except ValueError:
@@ -325,11 +325,11 @@ def cell_of(kind: str, key_path: KeyPath, unit: Unit = NO_UNIT, **options: Any) 
 
 
 def entry_rows(
-    root: KeyPath, cells: Callable[[Get, KeyPath], Iterable[FormCell | str]]
-) -> Callable[[Get], list[FormRow]]:
+    root: KeyPath, cells: Callable[[ReadValue, KeyPath], Iterable[FormCell | str]]
+) -> Callable[[ReadValue], list[FormRow]]:
     """Return the `rows` function of a form whose rows are the entries of the list at `root`, numbered from 1."""
 
-    def rows(get: Get) -> list[FormRow]:
+    def rows(get: ReadValue) -> list[FormRow]:
         entries = get(root)
         key_paths: list[KeyPath] = [(*root, i) for i in range(len(entries if isinstance(entries, list) else []))]
         return [FormRow(str(i), tuple(cells(get, key_path)), (key_path,)) for i, key_path in enumerate(key_paths, 1)]
@@ -337,7 +337,7 @@ def entry_rows(
     return rows
 
 
-def fixed_columns(*keys: str) -> Callable[[Get], list[FormColumn]]:
+def fixed_columns(*keys: str) -> Callable[[ReadValue], list[FormColumn]]:
     """Return the `columns` function of a form whose columns do not depend on the values."""
     return lambda _: [FormColumn(key) for key in keys]
 

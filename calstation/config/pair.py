@@ -46,7 +46,7 @@ class PairConfiguration:
 
 
 def require_one_temperature(product: ProductConfig) -> None:
-    """Raise ConfigurationError if a product is calibrated over temperature, as units on one body cannot be."""
+    """Raise ConfigurationError if a product is calibrated over temperature, which units on one body cannot be."""
     if "temperature" in product.stages:
         raise ConfigurationError("temperature.not_watched", product=product.name)
 

@@ -253,17 +253,17 @@ def unknown_targets(targets: Iterable[str], *keys: str) -> Iterator[EntryError]:
 
 
 def unjudged_limits(product: ProductConfig, imu: ImuProfile) -> list[str]:
-    """Return the entries of the limits with a parameter that no stage of the product determines, in their order.
+    """Return the entries of `limits` with a parameter that no stage of the product determines, in their order.
 
-    The lever arm counts as determined by stages that estimate it at most tables; a table that fixes it makes it known.
+    A lever arm that a stage estimates on most tables counts as determined; it is known on a table that fixes it.
     """
     determined = {name for stage in product.stages for name in method(stage).estimates(_ANY_STATION)}
     determined |= {p.name for p in EFFECT_PARAMETERS if p.group in imu.states}
     if "cross_calibration" in product.stages:
         determined |= {p.name for p in PAIR_PARAMETERS}
-    left = {name: group for name, group in GROUP_BY_NAME.items() if name not in determined}
-    by_group = {group for name, group in left.items() if name not in product.limits}
-    return [name for name in product.limits if (name in left if name in GROUP_BY_NAME else name in by_group)]
+    undetermined = {name: group for name, group in GROUP_BY_NAME.items() if name not in determined}
+    by_group = {group for name, group in undetermined.items() if name not in product.limits}
+    return [name for name in product.limits if name in (undetermined if name in GROUP_BY_NAME else by_group)]
 
 
 def register_conflicts(product: ProductConfig, imu: ImuProfile) -> Iterator[EntryError]:

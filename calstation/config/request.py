@@ -56,7 +56,7 @@ class RunRequest:
     #: Method parameters that replace the product's, by stage.
     schedule: Mapping[str, Mapping[str, Any]] | None = None
     #: Log of an incomplete run that is resumed after its last completed stage, with its stages, schedule, seed and
-    #: folder; for a batch that of its first unit.
+    #: folder; for a batch, the log of its first unit.
     resume: Path | None = None
     #: Logs of all units of a batch that is resumed, in the order of their slots; () for a single unit.
     resumes: tuple[Path, ...] = ()

@@ -113,7 +113,7 @@ class RunConfiguration:
 
     @property
     def check_standard(self) -> CheckStandardSection | None:
-        """The product's check standard that is the unit; None for a production unit."""
+        """The unit as a check standard of the product; None for a production unit."""
         return self.product.standard(self.request.serial)
 
     @property
@@ -225,7 +225,7 @@ class RunConfiguration:
     def sigma_limits(self, context: SolveContext | None = None) -> dict[str, float]:
         """Return the maximum sigma of each estimated parameter, SI, after the last stage that estimates it.
 
-        `context` is that of the configuration, if it has already been created.
+        `context` is the result of `solve_context`, if it is already available.
         """
         context, limits = context or self.solve_context(), self.product.limits
         last = {name: stage for stage in self.stages for name in method(stage).estimates(context) if name in INDEX}
@@ -249,7 +249,7 @@ def _section(model: type[Model], *sources: BaseModel, **entries: Any) -> Model:
 
 
 def _with_limits(setup: RunConfiguration, schedule: BaseModel) -> BaseModel:
-    """Return a schedule that ends at the product's limits, which become the targets of parameters without one."""
+    """Return a schedule that ends at the product's limits, which become the targets of parameters without a target."""
     if not getattr(schedule, "stop_at_limits", False):
         return schedule
     any_unit = replace(setup, request=replace(setup.request, serial=setup.product.example))
@@ -372,7 +372,7 @@ def _prepare(setup: RunConfiguration, adjust: Adjustment) -> RunConfiguration:
 
 
 def _check_plans(setup: RunConfiguration) -> None:
-    """Check the plans of stages that need no table, some of which no table can execute. Raises InputError."""
+    """Check that the plans of stages that need no table can be executed. Raises InputError."""
     for stage, schedule in setup.schedules.items():
         stage_method = method(stage)
         if stage_method.needs_no_table:

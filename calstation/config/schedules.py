@@ -118,9 +118,9 @@ def schedule_fields(stage: str) -> tuple[FieldSpec, ...]:
 
 
 def implied_targets(values: Mapping[str, Any], options: ScheduleOptions) -> dict[str, float]:
-    """Return the smallest target of each parameter group, SI, that a stage has although none is set for the group.
+    """Return the smallest target, SI, of each parameter group for which none is set.
 
-    Such targets are those of single parameters, and the limits at which a stage ends.
+    Such targets follow from targets of single parameters, and from the limits at which a stage ends.
     """
     given, margin = values.get("targets") or {}, values.get("margin")
     targets = {name: sigma for name, sigma in given.items() if isinstance(sigma, int | float)}

@@ -8,7 +8,7 @@ from pydantic import BaseModel
 from calstation.config import library
 from calstation.config.blocks import arrange_entries, has_table, replace_header
 from calstation.config.editing import edit_toml
-from calstation.config.forms import Form, FormCell, FormColumn, Get, cell_of, entry_rows
+from calstation.config.forms import Form, FormCell, FormColumn, ReadValue, cell_of, entry_rows
 from calstation.config.slots import DeviceSection, SlotSection
 from calstation.parsing import parse_toml
 from calstation.physics import ORIENTATIONS, unit_of
@@ -21,17 +21,17 @@ _LENGTH = unit_of("m")
 _ORIENTATIONS = tuple(sorted(ORIENTATIONS, key=lambda name: ("zxy".index(name[3]), name[2], name)))
 
 
-def _has_ports(get: Get) -> bool:
+def _has_ports(get: ReadValue) -> bool:
     return get(("bench",)) is None
 
 
-def _columns(get: Get) -> list[FormColumn]:
+def _columns(get: ReadValue) -> list[FormColumn]:
     ports = ("port",) if _has_ports(get) else ()
     texts = ("name", *ports, "product", "imu", "orientation")
     return [*map(FormColumn, texts), *(FormColumn(f"lever_{axis}", unit=_LENGTH[0]) for axis in "xyz")]
 
 
-def _cells(get: Get, key_path: KeyPath) -> tuple[FormCell, ...]:
+def _cells(get: ReadValue, key_path: KeyPath) -> tuple[FormCell, ...]:
     texts = ("name", "port") if _has_ports(get) else ("name",)
     choices: dict[str, tuple[Any, ...]] = {
         "product": (None, *library.names("products")),
@@ -48,7 +48,7 @@ def _cells(get: Get, key_path: KeyPath) -> tuple[FormCell, ...]:
     )
 
 
-def _new_slot(get: Get, _: BaseModel | None) -> dict[str, Any]:
+def _new_slot(get: ReadValue, _: BaseModel | None) -> dict[str, Any]:
     """Return a new slot, whose name is the first unused number that is not less than its position in the list."""
     names = [get(("slots", number, "name")) for number in range(len(get(("slots",)) or ()))]
     number = len(names) + 1

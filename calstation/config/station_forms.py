@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from calstation.config.forms import Form, FormCell, FormRow, Get, cell_of, entry_rows, fixed_columns, keys_of
+from calstation.config.forms import Form, FormCell, FormRow, ReadValue, cell_of, entry_rows, fixed_columns, keys_of
 from calstation.schema import KeyPath
 
 _SIGNATORIES: KeyPath = ("laboratory", "signatories")
@@ -10,7 +10,7 @@ _NAMES: KeyPath = ("sign_in", "names")
 _ENGINEERS: KeyPath = ("sign_in", "engineers")
 
 
-def _instrument_cells(_: Get, key_path: KeyPath) -> tuple[FormCell, ...]:
+def _instrument_cells(_: ReadValue, key_path: KeyPath) -> tuple[FormCell, ...]:
     return (
         *(FormCell((*key_path, key), kind="text") for key in ("name", "serial")),
         replace(cell_of("stations", (*key_path, "kind")), default=None),  # logs have a default, station files none
@@ -19,7 +19,7 @@ def _instrument_cells(_: Get, key_path: KeyPath) -> tuple[FormCell, ...]:
     )
 
 
-def _badge_rows(get: Get) -> list[FormRow]:
+def _badge_rows(get: ReadValue) -> list[FormRow]:
     engineers = get(_ENGINEERS)
     badges = [*keys_of(get(_NAMES)), *(map(str, engineers) if isinstance(engineers, list) else ())]
     return [

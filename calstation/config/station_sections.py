@@ -145,7 +145,7 @@ class SignInSection(StrictModel):
     def person(self, entered: str) -> str:
         """Return how records name a person: by name and badge, or as entered if the station does not know both.
 
-        A name that is common to several badges is kept as it is.
+        A name with several badges remains unchanged.
         """
         badges = [badge for badge, name in self.names.items() if entered == (badge if entered in self.names else name)]
         name = self.names[badges[0]] if len(badges) == 1 else entered

@@ -31,7 +31,7 @@ from calstation.records import (
     write_atomic,
 )
 
-#: State of a line of an audit trail: from the first changed line on, the chain proves none.
+#: State of a line of an audit trail; from the first changed line on, the chain proves no line.
 LineState = Literal["proved", "unproved", "changed"]
 
 
@@ -42,17 +42,17 @@ class TrailLine:
     number: int  #: From 1.
     state: LineState
     event: AuditEvent | None  #: None for a changed line that is no event.
-    text: str = ""  #: Text of such a line.
+    text: str = ""  #: Text of a changed line that is no event.
 
 
 @dataclass(frozen=True)
 class SiteTrail:
-    """The verified audit trail of the site, and what its verification has found."""
+    """The verified audit trail of the site, and the findings of its verification."""
 
     trail: AuditTrail
     state: tuple[Text, ...]
-    faults: tuple[Text, ...] = ()  #: Those of `state` that contradict the trail or a file.
-    cautions: tuple[Text, ...] = ()  #: Those of `state` that say what could not be verified.
+    faults: tuple[Text, ...] = ()  #: The findings in `state` that contradict the trail or a file.
+    cautions: tuple[Text, ...] = ()  #: The findings in `state` about what could not be verified.
     changed: tuple[tuple[int, str], ...] = ()  #: Number and text of the lines of a damaged trail that are no events.
     known: tuple[str, ...] = ()  #: Persons with a badge at the stations, by name and badge.
 
@@ -146,7 +146,7 @@ def _changed_lines(path: Path, trail: AuditTrail) -> tuple[tuple[int, str], ...]
 
 
 def _verification(path: Path, trail: AuditTrail, faults: Sequence[Text]) -> tuple[Text, ...]:
-    """Return what the verification of an audit trail has found."""
+    """Return the findings of the verification of an audit trail."""
     if faults:
         later = sum(number > trail.damage.number for number in trail.numbers) if trail.damage else 0
         state = (*faults, *([Text.of("audit.unverified", lines=later)] if later else []))
