@@ -96,9 +96,9 @@ def check(pin: str, badge: str = "") -> bool:
 
 
 def identify(pin: str, badge: str = "") -> Literal["personal", "site"] | None:
-    """Return whether a PIN is that of the badge or that of the site; None if it is neither, or during the delay.
+    """Return whether a PIN belongs to the badge or to the site; None if it belongs to neither, or during the delay.
 
-    A PIN that is neither counts as a wrong PIN of both. Raises ConfigurationError.
+    A PIN that belongs to neither counts as a wrong PIN of both. Raises ConfigurationError.
     """
     with _locked(badge):
         owner = _owner_of(pin, _owners(badge))

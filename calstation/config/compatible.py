@@ -1,4 +1,4 @@
-"""The products that a station can calibrate, and the one with which it starts."""
+"""The products that a station can calibrate, and the product with which it starts."""
 
 from contextlib import suppress
 from dataclasses import replace

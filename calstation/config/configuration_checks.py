@@ -109,7 +109,7 @@ def product_errors(setup: "RunConfiguration") -> Iterator[EntryError]:
 
 
 def check_baud_rates(setup: "RunConfiguration") -> None:
-    """Check that the baud rate in the station file suffices for the unit's stream; that of a socket is unknown."""
+    """Check that the baud rate in the station file suffices for the unit's stream; for a socket it is unknown."""
     serial, port = setup.station.imu.serial, setup.station.imu.port or ""
     if serial is None or "baud" not in serial.model_fields_set or port.startswith((*SOCKETS, UDP, CAN)):
         return

@@ -39,7 +39,7 @@ class ConfirmationRequired:
 
 
 def confirmation_required(action: Action, product: ProductConfig, station: StationConfig) -> ConfirmationRequired:
-    """Return what an action with a unit of a product requires at a station.
+    """Return the requirements at a station of an action with a unit of a product.
 
     An override always requires a PIN, and the revision of a certificate does at a station that lists engineers; other
     actions require one only if the product requires a second person, and printing a certificate again requires nothing.

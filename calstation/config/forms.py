@@ -27,7 +27,7 @@ _UNREADABLE = ("toml", "file", "model_type", "dict_type", "list_type")
 #: Kinds of fields by the type of their values.
 _KINDS: dict[Any, Any] = {bool: "flag", int: "count", float: "number", str: "text", list: "vector", Literal: "choice"}
 
-#: Units by the name of a field, and below by the last word of the name.
+#: Units by the name of a field; those below apply to the last word of the name.
 _UNITS = {"velocity_sigma": "m/s", "force_scatter": "m/s²", "speed": "×", "agreement_c": "K"}
 _UNITS_BY_END = {
     "deg": "°",
@@ -48,7 +48,7 @@ class FieldSpec:
 
     name: str
     kind: Literal["number", "count", "flag", "choice", "text", "vector", "targets", "other"]
-    unit: str  #: Unit of the value; empty if it has none.
+    unit: str  #: Unit of the value; empty if there is none.
     low: float | None = None
     above: bool = False  #: Whether the value must be greater than `low`, not equal to it.
     high: float | None = None
@@ -97,7 +97,7 @@ class FormCell:
     magnitude : whether the interval may also be a single number, which means ± this number
     component : number of the component of a vector, 0 to 2; all components are 0 if the file has no vector
     member : text that the cell adds to or removes from a list; its value is True if the list contains the text
-    default : value if the file has none
+    default : value if the file does not contain the entry
     """
 
     key_path: KeyPath

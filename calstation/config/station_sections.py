@@ -39,7 +39,7 @@ class ChamberLinkSection(DeviceSection):
     """`[chamber]` of a station: chamber profile and link, and the room outside the chamber.
 
     ambient_c : temperature to which the chamber returns, °C
-    dew_point_c : dew point of the room, °C; by default that of 75 % relative humidity
+    dew_point_c : dew point of the room, °C; by default the dew point at 75 % relative humidity
     agreement_c : largest difference of a unit's sensor from the chamber's after a soak, K
     """
 
@@ -128,7 +128,7 @@ class SignInSection(StrictModel):
         return re.fullmatch(self.badge_pattern, text) is not None
 
     def knows(self, badge: str) -> bool:
-        """Return whether the station accepts a badge: one of its names or, without names, one of its form."""
+        """Return whether the station accepts a badge: a badge in `names`, or any valid badge if `names` is empty."""
         return badge in self.names if self.names else self.is_badge(badge)
 
     def operator(self, badge: str | None) -> str:

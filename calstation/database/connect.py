@@ -120,7 +120,7 @@ def upgrade(url: str) -> bool:
 
 
 def database_of(station: Path | None) -> tuple[str, StationConfig]:
-    """Return the URL of a station's shared database, and the station. Raises ConfigurationError if it has none."""
+    """Return the URL of a station's shared database, and the station. Raises ConfigurationError if there is no URL."""
     path, config = load_station(station)
     if config.records.database is None:
         raise ConfigurationError("database.not_named", path=path)

@@ -111,7 +111,7 @@ class Exchange:
         return self._engine
 
     def _renew_claims(self, engine: sa.Engine) -> None:
-        """Claim the current units, or renew their claims, and release the previous ones.
+        """Claim the current units or renew their claims, and release the claims on previous units.
 
         A claim of another process on the same folder is not released.
         """
@@ -211,7 +211,7 @@ class Exchange:
         return True
 
     def _send(self, engine: sa.Engine, messages: Sequence[OutboxMessage]) -> None:
-        """Send messages; if the database refuses them, send them one by one and skip the refused ones."""
+        """Send messages; if the database refuses them, send them one by one and skip refused messages."""
         try:
             self._deliver(engine, messages)
         except DBAPIError as exc:

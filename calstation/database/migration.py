@@ -20,14 +20,14 @@ except ImportError as exc:
 
 
 def known_revisions() -> tuple[str | None, set[str | None]]:
-    """Return the revision of this version and all earlier ones; None means a database without tables."""
+    """Return the revision of this version, and all earlier revisions; None means a database without tables."""
     scripts = ScriptDirectory.from_config(_configuration())
     head = scripts.get_current_head()
     return head, {None, *(script.revision for script in scripts.walk_revisions())} - {head}
 
 
 def revision(engine: Engine) -> str | None:
-    """Return the revision of a database's tables; None if it has none."""
+    """Return the revision of a database's tables; None if there are no tables."""
     with engine.connect() as connection:
         return MigrationContext.configure(connection).get_current_revision()
 

@@ -51,7 +51,7 @@ class ExportCheck:
 
 
 def check_export(name: str, export_format: ExportFormat, files: Files, source: ExportSource) -> ExportCheck:
-    """Evaluate the files of an export on the samples of the recording and compare the output with that of the solution.
+    """Correct the samples of the recording with the files of an export, and compare them with calstation's correction.
 
     Raises CalstationError if they differ by more than the parameters that the format cannot express.
     """

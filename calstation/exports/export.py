@@ -15,7 +15,7 @@ CHECK_SUFFIX = ".check.json"
 
 
 def export_calibration(source: ExportSource, to: str, path: Path, *, allow_loss: bool = False) -> ExportCheck:
-    """Check and write a calibration in the format of another program, with the check beside it.
+    """Check a calibration in the format of another program, and write it and the result of the check next to it.
 
     Raises ConfigurationError if the format is unknown, if a value that it cannot express exceeds its limit and loss
     is not allowed, or if a file cannot be written.

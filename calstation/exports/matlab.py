@@ -59,7 +59,7 @@ def _read(files: Files) -> Corrector:
     matrices = loadmat(mat)
 
     def corrected(name: str, measured: FloatArray) -> FloatArray:
-        """Invert the simulation; the result is NaN if it differs from that of the matrices in the ``.mat`` file."""
+        """Invert the simulation; the result is NaN where the matrices in the ``.mat`` file give another result."""
         section = sensors[_SENSORS[name]]
         gain = np.array(section["AxesMisalignment"]) / _PERCENT
         readings = _SIGNS[name] * measured

@@ -48,7 +48,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class ExportFormat:
-    """A format: what it can express, and how its files are written and evaluated."""
+    """A format: the parameter groups that it can express, and functions that write and evaluate its files."""
 
     groups: frozenset[str]  #: Parameter groups that the format can express.
     write: "Callable[[ExportSource], Files]"
@@ -144,7 +144,7 @@ class ExportSource:
         return not_expressed | {f"{name}(dT/dt)": value for name, value in self.temperature.rate_terms.items()}
 
     def limit(self, name: str) -> float:
-        """Return the largest permitted error of a value in `not_expressed`, SI; infinite if the product has none."""
+        """Return the largest permitted error of a value in `not_expressed`, SI; infinite if there is no limit."""
         return self.limits.get(name.removesuffix(_OVER_TEMPERATURE), np.inf)
 
     def corrected(
@@ -166,7 +166,7 @@ class ExportSource:
 
 
 def _largest_errors(result: Result, limits: Mapping[str, Limit]) -> dict[str, float]:
-    """Return the largest error permitted after calibration: the limit of sigma, or else that of the value."""
+    """Return the largest error permitted after calibration: the limit of sigma, or else the limit of the value."""
     errors = {}
     for name in (*NAMES, *result.parameters):
         limit = entry_of(limits, name)

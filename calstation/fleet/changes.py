@@ -123,7 +123,7 @@ def _merged(old: Any, new: Any) -> Any:
 
 
 def _scaled(old: Any, factors: Any, key_path: str = "") -> Any:
-    """Return a table with entries multiplied by factors. Raises InputError if the table lacks an entry."""
+    """Return a table with entries multiplied by factors. Raises InputError if an entry is missing."""
     if isinstance(factors, Mapping):
         table = old if isinstance(old, dict) else {}
         inner = {name: f"{key_path}.{name}" if key_path else name for name in factors}

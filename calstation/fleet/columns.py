@@ -98,7 +98,7 @@ def update_columns(report: ProgressCallback, connection: Connection, version: st
 
 @contextmanager
 def file_access(folder: Path) -> Iterator[None]:
-    """Convert errors of files in the context, also of files that another program updates, to ConfigurationError."""
+    """Convert file errors in the context, including errors due to updates by other programs, to ConfigurationError."""
     try:
         yield
     except TimeoutError as exc:

@@ -18,7 +18,7 @@ _UPDATE_FRACTION = 0.9
 
 
 def update_progress(report: ProgressCallback, begin: float) -> ProgressCallback:
-    """Return a progress callback for the update of one of two versions, which begins at the fraction `begin`."""
+    """Return a progress callback for the update of one of two versions; the update begins at the fraction `begin`."""
 
     def show(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
         report(_UPDATE_FRACTION * (begin + 0.5 * fraction))
@@ -171,7 +171,7 @@ class _Groups:
 
 
 def _shift(sizes: FloatArray, rows: NDArray[np.intp] | None) -> _Shift:
-    """Return the distribution of changes, where NaN means that a log lacks the parameter."""
+    """Return the distribution of changes; NaN means that a log does not contain the parameter."""
     present = np.flatnonzero(~np.isnan(sizes)) if np.isnan(sizes.sum()) else None
     if present is not None:
         rows = present if rows is None else rows[present]

@@ -175,7 +175,7 @@ def gauge_study(
     ----------
     factors : names of the factors, `UNIT` first
     values : shape (number of levels of each factor, trials), at least two of each
-    tolerance : width of the tolerance in the unit of the values; None without one
+    tolerance : width of the tolerance in the unit of the values, or None
     confidence : probability of the confidence intervals
 
     Raises

@@ -145,7 +145,7 @@ class GaugePlan(BaseModel):
         return tuple(", ".join(names) for names in product(*filter(None, (self.operators, self.stations))))
 
     def remaining(self, runs: RunColumns) -> list[Measurement]:
-        """Return the runs of the plan that are not among the stored runs, in order."""
+        """Return the runs of the plan that are missing in the stored runs, in the order of the plan."""
         counts = Counter(key for key, _ in self._measurements(runs))
         missing = []
         for each in self.order:
@@ -201,7 +201,7 @@ class GaugePlan(BaseModel):
         return len(self._rows(runs, missing=True))
 
     def _rows(self, runs: RunColumns, *, missing: bool = False) -> IntArray:
-        """Return the indices of the complete, judged runs of the study, also those without files if `missing`."""
+        """Return the indices of the complete, judged runs of the study; `missing` includes runs without files."""
         rows = judged_runs(runs, missing=missing)
         rows = rows[(runs.started[rows] >= self.created_utc.timestamp()) & runs.products.isin((self.product,))[rows]]
         for factor in self.factors:
@@ -230,7 +230,7 @@ class StudyState:
     """A plan and its evaluation from the stored runs."""
 
     plan: GaugePlan
-    missing: tuple[Measurement, ...]  #: Runs that have not been made or whose files are missing, in order.
+    missing: tuple[Measurement, ...]  #: Runs in the plan that were not made or whose files are missing, in order.
     out_of_order: int  #: Number of runs that were not made in the planned order.
     studies: Mapping[str, GaugeStudy]  #: By parameter, SI; empty while runs are missing.
     values: Mapping[str, FloatArray]  #: By parameter, SI; see `GaugePlan.values`.

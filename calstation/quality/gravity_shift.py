@@ -40,7 +40,7 @@ class GravityShift:
 
 
 def gravity_shift(station: StationConfig, runs: RunColumns) -> GravityShift | None:
-    """Return the most significant common step over the runs of a product at a station; None without one.
+    """Return the most significant common step over the runs of a product at a station, or None.
 
     Check standards and repeated units reveal small steps, new units only steps that exceed their scatter.
     """

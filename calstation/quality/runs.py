@@ -35,7 +35,7 @@ class SimulatedRuns:
 
     @property
     def text(self) -> Text | None:
-        """What the statistics leave out, or that all runs are simulated; None without simulated runs."""
+        """Sentence about the runs that the statistics leave out, if any, or that all runs are simulated."""
         if not self.count:
             return None
         return Text("quality.all_simulated") if self.only else Text.of("quality.simulated_left_out", count=self.count)
@@ -65,7 +65,7 @@ def _columns(folder: Path, product: str, station: str, mark: str | None, measure
 
 
 def judged_runs(runs: RunColumns, *, missing: bool = False) -> IntArray:
-    """Return the indices of the complete runs that ended with PASS or FAIL, also those without files if `missing`."""
+    """Return the indices of the complete runs that ended with PASS or FAIL; `missing` includes runs without files."""
     judged = ~runs.partial & runs.verdicts.isin((Verdict.PASSED, Verdict.FAILED))
     return np.flatnonzero(judged if missing else judged & ~runs.missing)
 
@@ -87,12 +87,12 @@ def _of_standards(runs: RunColumns, excluded: Collection[str]) -> BoolArray:
 
 
 def first_of_each_unit(runs: RunColumns, rows: IntArray) -> IntArray:
-    """Return the first run of each unit, in order, which later runs do not change; `rows` are runs of a product."""
+    """Return the first run of each unit, in order; later runs do not change it. `rows` are runs of one product."""
     _, first = np.unique(runs.serials.codes[rows], return_index=True)
     return np.sort(rows[first])
 
 
 def last_of_each_unit(runs: RunColumns, rows: IntArray) -> IntArray:
-    """Return the last run of each unit, in order, so that a repeated unit counts once; `rows` are runs of a product."""
+    """Return the last run of each unit, in order; a repeated unit counts once. `rows` are runs of one product."""
     _, last = np.unique(runs.serials.codes[rows][::-1], return_index=True)
     return np.sort(rows[::-1][last])

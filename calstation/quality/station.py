@@ -24,7 +24,7 @@ from calstation.quality.summary import limit_interval
 from calstation.quality.table_chart import TableChart, table_charts
 from calstation.results import History
 
-#: Maximum number of runs of a check standard, the latest ones, that are compared with the reference.
+#: Only this number of runs of a check standard, the latest, are compared with the reference.
 _MAX_RUNS = 200
 
 

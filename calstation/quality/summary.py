@@ -192,8 +192,8 @@ class QualitySummary:
 
     product: str | None  #: The selected product; None for all.
     yields: Yields
-    parameters: tuple[ParameterQuality, ...]  #: The first value of each unit, and the capability of the last ones.
-    #: Unit that is charted individually and excluded from `yields` and `parameters`; None without one.
+    parameters: tuple[ParameterQuality, ...]  #: Charts of each unit's first value, capability of last values.
+    #: Unit that is charted individually and excluded from `yields` and `parameters`, if any.
     serial: str | None
     single_unit: tuple[ParameterQuality, ...]  #: All runs of the unit `serial`.
     chartable: int  #: Number of runs for `parameters`.
@@ -238,7 +238,7 @@ def summarise_quality(
     relative: bool = False,
     station: str = "",
 ) -> QualitySummary:
-    """Job: summarise the quality of the runs of a folder, without simulated ones unless all are simulated.
+    """Job: summarise the quality of the runs of a folder; simulated runs are left out unless all are simulated.
 
     Parameters
     ----------

@@ -130,7 +130,7 @@ def _share(passed: BoolArray) -> Share | None:
 
 
 def _by(groups: Categories[K | None], passed: BoolArray) -> dict[K, Share]:
-    """Return the share that passed in each group, given the group of each run, in order."""
+    """Return the share that passed in each group, sorted by group; `groups` contains the group of each run."""
     counts, passed_counts = (
         np.bincount(codes, minlength=len(groups.values)) for codes in (groups.codes, groups.codes[passed])
     )

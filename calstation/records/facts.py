@@ -45,7 +45,7 @@ class FactsBuilder:
     """Accumulates `LogFacts` from consecutive blocks."""
 
     def __init__(self, meta: LogMeta) -> None:
-        # an exported log states as pauses what were events of the original log, which its digest does not include
+        # the original of an exported log has events instead of this entry, and its digest does not include events
         self._configuration = meta.model_copy(update={"pauses": []}).to_json()
         self._rows = hashlib.sha256()
         self._stages = hashlib.sha256()

@@ -239,7 +239,7 @@ class LogMeta(StrictModel):
     model: ModelSection | None = None
     temperature: TemperatureSection | None = None
     prior: dict[str, PriorSection] = Field(default_factory=dict)
-    #: Prior correlation coefficients of a parameter with others; 0 for pairs that are not listed.
+    #: Prior correlation coefficients by the names of both parameters; 0 for pairs that are not listed.
     prior_correlation: dict[str, dict[str, float]] = Field(default_factory=dict)
     product: ProductSection | None = None
     run: RunSection | None = None
@@ -456,7 +456,7 @@ def covariance_from(sigma: FloatArray, correlation: Mapping[str, Mapping[str, fl
 
 
 def correlation_of(covariance: FloatArray) -> dict[str, dict[str, float]]:
-    """Return the nonzero correlations of each parameter with preceding ones from a covariance, shape (30, 30)."""
+    """Return the nonzero correlation coefficients in a covariance, shape (30, 30), listing each pair once."""
     sigma = np.sqrt(np.diag(covariance))
     correlations: dict[str, dict[str, float]] = {}
     for i, name in enumerate(NAMES):

@@ -140,7 +140,7 @@ class Recording:
             yield _Timed(table, seq, time, set_back)
 
     def _sample_times(self, files: ExitStack) -> tuple[SampleTimes, TemporaryRows | None]:
-        """Return counter and clock of all rows but repeated ones, and the rows `TIMES` if any row is repeated.
+        """Return counter and clock of the rows that are not repeated; also the rows `TIMES` if any row is repeated.
 
         In a file without a counter, a row with the time and the values of the previous row is repeated, unless the time
         stamps are so coarse that rows with different values share them, or the sample rate agrees better with the

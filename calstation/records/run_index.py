@@ -126,7 +126,7 @@ class RunIndex:
         return self._try(read)
 
     def update(self, runs: Iterable[IndexedRun], removed: Iterable[str] = (), missing: Iterable[str] = ()) -> None:
-        """Add or replace runs of the folder, remove those in `removed`, mark those in `missing` as without files."""
+        """Add or replace runs of the folder, remove those in `removed`, and mark those in `missing` as missing."""
         rows, names, lost = [row_of(run) for run in runs], [*removed], [*missing]
         content = sa.func.json_set(RUNS.c.content, "$.missing", sa.func.json("true"))
 
@@ -279,7 +279,7 @@ class RunIndex:
         return {serial for (serial,) in self._select(_of_kind(query, measured=measured).distinct())}
 
     def spellings(self, serial: str, *, measured: bool = False) -> list[str]:
-        """Return the serial numbers of runs, also without files, that equal this one except for upper and lower case.
+        """Return the serial numbers that differ from this one at most in case, including runs without files.
 
         The serial number itself is included if it has runs; see `runs_of_unit`. Case is ignored for ASCII letters only.
         """
@@ -287,7 +287,7 @@ class RunIndex:
         return sorted(str(row[0]) for row in self._select(_of_kind(query, measured=measured).distinct()))
 
     def attempts(self, serial: str, *, measured: bool = False) -> int:
-        """Return the number of runs started for a unit, also without files; a resumed run counts once.
+        """Return the number of runs started for a unit, including runs without files; a resumed run counts once.
 
         The result is at least the largest attempt number of a run, because the index may lack some runs. Stations with
         hardware number simulated and measured runs separately, so that only the more numerous kind counts; if
@@ -298,7 +298,7 @@ class RunIndex:
         return max([*(int(row[0]) for row in self._select(query)), *self.attempt_numbers(serial, measured=measured), 0])
 
     def attempt_numbers(self, serial: str, *, measured: bool = False) -> list[int]:
-        """Return the distinct attempt numbers of the runs of a unit, also without files; see `attempts`."""
+        """Return the distinct attempt numbers of a unit's runs, including runs without files; see `attempts`."""
         number = sa.func.json_extract(RUNS.c.content, "$.attempt")
         query = sa.select(number).where(RUNS.c.serial == serial).distinct()
         return [int(row[0]) for row in self._select(_of_kind(query, measured=measured))]

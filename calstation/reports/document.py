@@ -246,7 +246,7 @@ class _Document:
             if not known_rows:
                 continue
             total = [sum(budget.variance[q.name].values()) for q in known_rows]
-            # a mean of shares, in which a poorly determined axis does not hide the others
+            # mean of the shares, because in a mean of variances a poorly determined axis would hide the others
             shares = {
                 source: float(
                     np.mean([budget.variance[q.name][source] / t for q, t in zip(known_rows, total, strict=True)])

@@ -304,7 +304,7 @@ def _find_reprint(
 
 
 def _changes(result: Result, meta: LogMeta, templates: Path | None, records: list[IssuedReport]) -> tuple[Change, ...]:
-    """Return what has changed since the last of `records`, or () if it can be printed again."""
+    """Return what has changed since the last of `records`, or () if its certificate can be printed again."""
     content, last = result.to_json(), records[-1]
     if _find_reprint(records, _digest(content, meta, templates)) is not None:
         return ()

@@ -63,7 +63,7 @@ class IssuedCertificate:
     report: IssuedReport
     pdf: IssuedPdf | None
     intact: bool | None = None  #: As `IssuedPdf.intact`; None without a PDF.
-    #: Names of the persons who issued it, from the report or the audit trail; names that no PIN confirmed say so.
+    #: Names of the persons who issued it, from the report or the audit trail; names not confirmed by a PIN say so.
     people: tuple[str, ...] = ()
     released_since: bool = False  #: Whether the unit was released after its issue, according to the audit trail.
 

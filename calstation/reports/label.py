@@ -37,7 +37,7 @@ def label_template(result: Result) -> Path | None:
 
 
 def product_label(result: Result) -> Path | None:
-    """Return the label template of the product of a result, whatever its verdict, or None if it has none.
+    """Return the label template of the product of a result, whatever its verdict, or None if the product has none.
 
     Raises ConfigurationError if the product cannot be read.
     """

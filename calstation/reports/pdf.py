@@ -27,7 +27,7 @@ class Attachment:
     name: str
     mime_type: str
     content: bytes
-    #: ``source`` of the document, or an ``alternative`` representation of it.
+    #: ``source`` of the document, or ``alternative`` for another representation.
     relationship: str
 
 
@@ -48,7 +48,7 @@ def typeset(
     analysis : analysis of the samples of its log
     language : language of the texts
     attachments : embedded files
-    folder : templates that take precedence over those of the site and the shipped ones
+    folder : templates that take precedence over the site's and the shipped templates
     """
     from typst import TypstError
 
@@ -85,7 +85,7 @@ def compile_template(main: Path | dict[str, bytes], inputs: dict[str, str], time
     main : the template, or the contents of its files by name, of which the first is the template
     inputs : texts in `sys.inputs`
     time : time stated in the PDF
-    folder : may contain font files with characters that the shipped font lacks
+    folder : folder that may contain fonts for characters missing in the shipped font
 
     Raises InputError if no font contains a character, and TypstError.
     """

@@ -84,7 +84,7 @@ def sign_pdf(pdf: bytes, signer: Signer) -> bytes:
     from pyhanko.sign.fields import SigSeedSubFilter
 
     class Writer(IncrementalPdfFileWriter):
-        """Leaves metadata and version unchanged, because those of the library do not conform to PDF/A-3."""
+        """Leaves metadata and version unchanged, because the changes of the library do not conform to PDF/A-3."""
 
         def _update_meta(self) -> None:
             pass

@@ -54,7 +54,7 @@ def load_source(report: ProgressCallback, path: Path) -> tuple[Result, Log]:
 
 
 def read_source(path: Path) -> tuple[Result | None, Log]:
-    """Read a result file and open its log, or open a log and read the result of its run, None if it has none.
+    """Read a result file and open its log, or open a log and read its result, which is None if there is none.
 
     The result is not verified, apart from the digest of the log. Raises InputError.
     """

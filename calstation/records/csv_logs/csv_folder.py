@@ -20,7 +20,7 @@ from calstation.records.log import DamagedRows, Log
 from calstation.records.meta import LogMeta
 from calstation.records.recording import Recording
 
-#: Time between two files, s, if the times of the second do not continue those of the first.
+#: Time inserted between two files, s, if the time stamps of the second file do not continue those of the first.
 _PAUSE = 1.0
 
 

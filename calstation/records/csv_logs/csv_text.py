@@ -75,7 +75,7 @@ def _open(path: Path) -> gzip.GzipFile | io.BufferedReader:
 
 
 def _encoding(head: bytes) -> str:
-    """Return the encoding of a text from its first bytes: UTF-16 without a mark has zeros in every other byte."""
+    """Return the encoding of a text from its first bytes; without a byte-order mark, alternate zeros mean UTF-16."""
     for mark, name in _MARKS:
         if head.startswith(mark):
             return name

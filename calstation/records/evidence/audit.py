@@ -316,7 +316,7 @@ def select_audit(
 
 
 def restart_trail(folder: Path, by: str, why: str, pin: str | None) -> AuditEvent:
-    """Begin a new audit trail that names the present one, which is kept, and return its first event.
+    """Begin a new audit trail that names the current one, which is kept, and return its first event.
 
     Parameters
     ----------
@@ -344,7 +344,7 @@ def read_audit(path: Path, known: int = 0) -> AuditTrail:
 
 
 def site_trails(folder: Path) -> list[tuple[Path, AuditTrail]]:
-    """Return the audit trails of the site: the present one, and the former ones that later trails name.
+    """Return the audit trails of the site: the current one, and the earlier ones that later trails name.
 
     Raises InputError if a trail cannot be read.
     """
@@ -361,7 +361,7 @@ def site_trails(folder: Path) -> list[tuple[Path, AuditTrail]]:
 
 
 def _present_trail(folder: Path) -> AuditTrail:
-    """Return the present trail of the site, all of whose signatures are verified unless its signed head covers them."""
+    """Return the current trail of the site; signatures of lines that its signed head covers are not verified."""
     with suppress(InputError):  # the head cannot be read
         state = verify_trail(folder)
         if not state.faults:

@@ -68,7 +68,7 @@ class Chain(Generic[T]):
 
     @property
     def head(self) -> tuple[int, str]:
-        """Number and digest of the last complete line; (0, START) without one.
+        """Number and digest of the last complete line; (0, START) if there is none.
 
         An incomplete line after it is not part of the head, because the next append changes it.
         """
@@ -236,7 +236,7 @@ def _signed(line: bytes) -> tuple[bytes, str | None]:
 
 
 def _next_digest(line: bytes, digest: str) -> str:
-    """Return the digest that the line after `line` must contain; `digest` is the one before `line`."""
+    """Return the digest that the line after `line` must contain; `digest` is the digest of the preceding line."""
     ending = _ENDING.search(line)
     complete = ending is not None and ending.end() == len(line)
     return ending[2].decode() if ending and complete else _sha256(digest.encode() + line)

@@ -181,7 +181,7 @@ def database_contradictions(state: TrailState, heads: Iterable[DatabaseHead]) ->
 
 
 def reports_of_others(folder: Path, state: TrailState) -> int:
-    """Return the number of reports that the audit trail cannot confirm: those of other sites, or without a signature.
+    """Return the number of reports that the audit trail cannot confirm: reports of other sites or without signatures.
 
     Raises OSError.
     """
@@ -216,7 +216,7 @@ def complete_reports(folder: Path, state: TrailState) -> None:
 
 
 def _check_signature() -> Callable[[SignedLine[_ReportLine]], Text | None]:
-    """Return a function that checks the signature of the lines in order."""
+    """Return a function that checks the signatures of lines, which must be passed in order."""
     is_signed_part = False
 
     def check(line: SignedLine[_ReportLine]) -> Text | None:

@@ -40,7 +40,7 @@ def resolve_file(folder: Path) -> ChainedFile[ResolveRecord]:
 
 
 def append_resolve(folder: Path, record: ResolveRecord) -> None:
-    """Append a record to the file of a folder. Raises OSError, also if another program keeps the file locked."""
+    """Append a record to the file of a folder. Raises OSError, for example if the file stays locked."""
     file = resolve_file(folder)
     with file.locked():
         file.append(asdict(record))

@@ -105,7 +105,7 @@ def head_file(folder: Path) -> Path:
 
 
 def load_key(folder: Path, recorded: str | None = None) -> tuple[StationKey | None, bool]:
-    """Return the key of a site, None if it has none, and whether its creation was interrupted.
+    """Return the key of a site, or None if there is none, and whether the creation of the key was interrupted.
 
     `recorded` is the public key in the audit trail. If the program was ended after the trail had recorded a new key,
     `finish_key` must replace the earlier one. Raises ConfigurationError if a file cannot be read.

@@ -83,7 +83,7 @@ def _concatenated(parts: Iterator[Columns]) -> Columns:
 
 
 def _parts(path: Path, name: str, instance: int) -> Iterator[Columns]:
-    """Yield the fields of the messages of an instance; a field that the log lacks is NaN."""
+    """Yield the fields of the messages of an instance; fields missing in the log are NaN."""
     fields = _FIELDS[name]
     rows = list[list[float]]()
     for _, number, message in _messages(path, (name,)):
@@ -97,7 +97,7 @@ def _parts(path: Path, name: str, instance: int) -> Iterator[Columns]:
 
 
 def _messages(path: Path, names: tuple[str, ...]) -> Iterator[tuple[str, int, Mapping[str, float]]]:
-    """Yield name, instance and fields of the messages with one of the names, with or without an instance."""
+    """Yield name, instance and fields of the messages with one of the names, which may end with an instance number."""
     selected = {f"{name}{number}" for name in names for number in ("", *range(1, 10))}
     with path.open("rb") as stream:
         is_binary = stream.read(len(_HEAD)) == _HEAD

@@ -16,7 +16,7 @@ from calstation.records.foreign.topics import CHUNK_ROWS, Columns, vector_column
 
 #: Names of the message type in ROS 1 and ROS 2.
 IMU_TYPES = ("sensor_msgs/Imu", "sensor_msgs/msg/Imu")
-#: Columns of the CSV format: the time is that of the headers, or that of the recorder if no header has a time.
+#: Columns of the CSV format; the time comes from the headers, or from the recorder if no header has a time.
 IMU_COLUMNS = vector_columns("angular_velocity.{}", "linear_acceleration.{}", ("rad/s", "m/s2"), ("header.stamp", "s"))
 _NUMBERS = 37
 _GYRO, _ACCEL = 4 + 9, 4 + 9 + 3 + 9

@@ -44,7 +44,7 @@ def _read(path: Path, topic: Topic) -> Iterator[Columns]:
 
 
 def _arrays(path: Path) -> dict[str, FloatArray]:
-    """Return the arrays of numbers of a file, also those in structures, shape (n, k) with more than one row."""
+    """Return the arrays of numbers with more than one row, shape (n, k), in a file and in its structures."""
     with path.open("rb") as stream:
         stream.seek(_HDF5_AT)
         is_hdf5 = stream.read(len(_HDF5)) == _HDF5

@@ -104,7 +104,7 @@ def _choose(path: Path, topics: list[Topic], name: str | None, mapped: Mapping[s
 
 
 def _layout(path: Path, topic: Topic, mapped: Mapping[str, ColumnSection]) -> Layout:
-    """Return the columns of a topic; those of `[columns]` replace its own.
+    """Return the columns of a topic; entries of `[columns]` replace them.
 
     Raises InputError if the column of an axis is missing; a recording may lack the gyros.
     """

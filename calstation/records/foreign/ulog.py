@@ -16,7 +16,7 @@ from calstation.records.columns import COUNTS
 from calstation.records.foreign.topics import Columns, ForeignFormat, Topic, joined_sensors, silence, vector_columns
 
 _FIFO = "_fifo"
-#: Messages of gyros; in the names of those of accelerometers, `accel` replaces `gyro`.
+#: Names of gyro messages; the names of accelerometer messages have `accel` instead of `gyro`.
 _GYROS = ("sensor_gyro", f"sensor_gyro{_FIFO}")
 _NAMES = [*_GYROS, *(name.replace("gyro", "accel") for name in _GYROS), "sensor_combined"]
 _TIME = ("timestamp_sample", "us")

@@ -73,7 +73,7 @@ def open_raw(path: Path, _: Path | None = None) -> Log:
 
 
 def last_result(path: Path) -> dict[str, Any] | None:
-    """Return the last result in a raw log as JSON data without reading anything else; None if it has none.
+    """Return the last result in a raw log as JSON data, reading nothing else; None if the log has no result.
 
     Raises InputError.
     """
