@@ -107,9 +107,8 @@ class SignInSection(StrictModel):
     names: dict[str, Annotated[str, Field(min_length=1)]] = Field(default_factory=dict)
     #: Badges of the engineers, who override failed units and confirm each other's actions with personal PINs.
     engineers: list[str] = Field(default_factory=list)
-    idle_minutes: float | None = Field(
-        default=None, gt=0, le=1440
-    )  #: Idle time after which the window signs the operator out.
+    #: Idle time after which the window signs the operator out.
+    idle_minutes: float | None = Field(default=None, gt=0, le=1440)
 
     @model_validator(mode="after")
     def _check_badges(self) -> "SignInSection":

@@ -108,8 +108,8 @@ def _known_people() -> Iterator[str]:
 def _without_trail(folder: Path, code: str, witnesses: Iterator[Path]) -> tuple[Text, ...]:
     """Return the finding about the first witness of a site that has no audit trail; () if it has one."""
     path = audit_path(folder)
-    found = () if path.exists() else (Text.of(code, file=path, witness=each) for each in witnesses)
-    return tuple(found)[:1]
+    findings = () if path.exists() else (Text.of(code, file=path, witness=each) for each in witnesses)
+    return tuple(findings)[:1]
 
 
 def _proofs(folder: Path) -> Iterator[Path]:

@@ -101,13 +101,11 @@ trail_heads = sa.Table(
 versions = sa.Table(
     "versions",
     metadata,
-    sa.Column(
-        "version", sa.String, primary_key=True
-    ),  #: Software version, with ``+label`` if the configuration was changed.
+    #: Software version, with ``+label`` if the configuration was changed.
+    sa.Column("version", sa.String, primary_key=True),
     sa.Column("changes_sha256", sa.String(64), nullable=False),  #: Digest of the changes to the configuration.
-    sa.Column(
-        "first_seq", sa.BigInteger, nullable=False
-    ),  #: First requested sequence number; 0 for the start of the log.
+    #: First requested sequence number; 0 for the start of the log.
+    sa.Column("first_seq", sa.BigInteger, nullable=False),
     sa.Column("last_seq", sa.BigInteger, nullable=False),  #: Last requested sequence number; -1 for the end of the log.
     #: Requested stages, separated by commas; empty for the stages of the log.
     sa.Column("stages", sa.String, nullable=False),
@@ -143,12 +141,10 @@ solutions = sa.Table(
     sa.Column("outcome", sa.String, nullable=False),  #: ``resolved`` or ``failed``.
     sa.Column("error_code", sa.String),
     sa.Column("passed", sa.Boolean),
-    sa.Column(
-        "partial", sa.Boolean, nullable=False, server_default=sa.false()
-    ),  #: Whether stages of the product were omitted.
-    sa.Column(
-        "changed", sa.Boolean
-    ),  #: Whether configuration, range or stages differ from those in the log; NULL if unknown.
+    #: Whether stages of the product were omitted.
+    sa.Column("partial", sa.Boolean, nullable=False, server_default=sa.false()),
+    #: Whether configuration, range or stages differ from those in the log; NULL if unknown.
+    sa.Column("changed", sa.Boolean),
     sa.Column("serial", sa.String),
     sa.Column("product", sa.String),
     sa.Column("station", sa.String),

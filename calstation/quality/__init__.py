@@ -27,8 +27,8 @@ from calstation.quality.gauge_plan import GaugePlan, Measurement, StudyState, ev
 from calstation.quality.gravity_shift import COMMON_SCALE, GravityShift, common_step, gravity_shift
 from calstation.quality.runs import SimulatedRuns, first_of_each_unit, judged_runs, last_of_each_unit
 from calstation.quality.standards import (
-    Due,
     InstrumentState,
+    StandardProblem,
     StandardState,
     due_certificates,
     instrument_state,

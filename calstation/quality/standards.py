@@ -24,7 +24,7 @@ InstrumentState = Literal["overdue", "future", "undated", "good"]
 
 
 @dataclass(frozen=True)
-class Due:
+class StandardProblem:
     """A check standard or an instrument that is overdue or has failed."""
 
     name: str  #: Serial number of the check standard, or name of the instrument.
@@ -64,7 +64,7 @@ class StandardState:
     standard: CheckStandardSection
     last_passed: datetime | None
     due: datetime | None  #: None if no run passed.
-    problem: Due | None  #: None if there is no problem.
+    problem: StandardProblem | None  #: None if there is no problem.
 
 
 def judge_result(standard: CheckStandardSection, imu: ImuProfile, result: Result) -> StandardComparison:
@@ -117,25 +117,25 @@ def instrument_state(instrument: InstrumentSection, now: datetime) -> Instrument
     return "undated" if instrument.due is None else "good"
 
 
-def overdue_instruments(station: StationConfig, now: datetime) -> list[Due]:
+def overdue_instruments(station: StationConfig, now: datetime) -> list[StandardProblem]:
     """Return the station's instruments of any kind whose next calibration was due before the date of `now` in UTC."""
     return _overdue(station.instruments, now)
 
 
-def due_certificates(station: StationConfig, now: datetime) -> list[Due]:
+def due_certificates(station: StationConfig, now: datetime) -> list[StandardProblem]:
     """Return the overdue instruments because of which production is refused: the station's table and surveys."""
     return _overdue([each for each in station.instruments if each.required], now)
 
 
-def _overdue(instruments: Iterable[InstrumentSection], now: datetime) -> list[Due]:
+def _overdue(instruments: Iterable[InstrumentSection], now: datetime) -> list[StandardProblem]:
     return [
-        Due(instrument.name, "certificate", datetime.combine(instrument.due, datetime.min.time()).astimezone())
-        for instrument in instruments
-        if instrument.due is not None and instrument_state(instrument, now) == "overdue"
+        StandardProblem(each.name, "certificate", datetime.combine(each.due, datetime.min.time()).astimezone())
+        for each in instruments
+        if each.due is not None and instrument_state(each, now) == "overdue"
     ]
 
 
-def require_standards(setup: RunConfiguration, history: History, now: datetime) -> list[Due]:
+def require_standards(setup: RunConfiguration, history: History, now: datetime) -> list[StandardProblem]:
     """Refuse a production run while a check standard or a certificate is overdue or failed.
 
     A run of a check standard is always permitted. Returns the problems despite which an override in the request permits
@@ -156,7 +156,7 @@ def require_standards(setup: RunConfiguration, history: History, now: datetime) 
         if len(problems) == 1:
             raise problems[0].error(setup)
         values = {"product": setup.product.name, "station": setup.station.name}
-        raise ConfigurationError("quality.not_in_order", causes=[due.cause for due in problems], **values)
+        raise ConfigurationError("quality.not_in_order", causes=[problem.cause for problem in problems], **values)
     return problems
 
 
@@ -177,11 +177,11 @@ def _state(
     if last is not None and last != passed:
         agrees = _agrees(last, standard, imu, history)
         reason: Reason = "out" if agrees is False else "altered" if last.verdict.passed else "failed"
-        problem = Due(standard.serial, reason, _time(last.started_utc))
+        problem = StandardProblem(standard.serial, reason, _time(last.started_utc))
     elif due is None:
-        problem = Due(standard.serial, "never", None)
+        problem = StandardProblem(standard.serial, "never", None)
     elif due < now:
-        problem = Due(standard.serial, "overdue", due)
+        problem = StandardProblem(standard.serial, "overdue", due)
     return StandardState(standard, last_passed, due, problem)
 
 

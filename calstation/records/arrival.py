@@ -97,7 +97,7 @@ def sample_times(times: TemporaryRows, nominal: float) -> SampleTimes:
 
 def _steps(rows: TemporaryRows, interval: int, name: str) -> FloatArray:
     """Return at most `_MAX_ROWS` differences of a field over `interval` rows, evenly spaced."""
-    return _thinned(_pairs(rows, interval, name), len(rows) - interval)
+    return _subsampled(_pairs(rows, interval, name), len(rows) - interval)
 
 
 def _pairs(rows: TemporaryRows, interval: int, name: str) -> Iterator[FloatArray]:
@@ -106,7 +106,7 @@ def _pairs(rows: TemporaryRows, interval: int, name: str) -> Iterator[FloatArray
         yield later[name] - earlier[name][: len(later)]
 
 
-def _thinned(parts: Iterator[FloatArray], count: int) -> FloatArray:
+def _subsampled(parts: Iterator[FloatArray], count: int) -> FloatArray:
     """Return at most `_MAX_ROWS` of `count` values, evenly spaced."""
     stride, position, kept = -(-count // _MAX_ROWS), 0, [np.empty(0)]
     for part in parts:
@@ -173,7 +173,7 @@ def _fit(arrivals: TemporaryRows) -> SampleTimes:
     half = len(arrivals) // 2
     slope = float(np.median(_steps(arrivals, half, "time") / _steps(arrivals, half, "seq")))
     seq, time = (
-        _thinned((part[name] for part in arrivals.parts()), len(arrivals)).astype(np.float64)
+        _subsampled((part[name] for part in arrivals.parts()), len(arrivals)).astype(np.float64)
         for name in ("seq", "time")
     )
     residuals = time - slope * seq - np.median(time - slope * seq)

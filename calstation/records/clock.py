@@ -81,8 +81,8 @@ class ClockUnwrapper:
         for k in np.flatnonzero(jumped).tolist():
             before = float(time[k]) - float(steps[k])
             count = self._report.steps_back
-            if change := self._change(k, before, float(time[k]), int(counted[k]), seq is not None):
-                self._offset += change
+            if correction := self._correction(k, before, float(time[k]), int(counted[k]), seq is not None):
+                self._offset += correction
                 offsets[k:] = self._offset
                 set_back += [k] * (self._report.steps_back - count)
         if self._decrease is not None:
@@ -90,7 +90,7 @@ class ClockUnwrapper:
             self._decrease = (row - len(time), before, after)
         return np.asarray(time + offsets), set_back
 
-    def _change(self, row: int, before: float, now: float, counted: int, has_counter: bool) -> float:
+    def _correction(self, row: int, before: float, now: float, counted: int, has_counter: bool) -> float:
         """Return the correction of the time, s, from a discontinuous row onwards."""
         if now > before:
             if self._decrease is not None and row - self._decrease[0] <= _RETURN_ROWS and now > self._decrease[1]:

@@ -67,7 +67,7 @@ _SENSORS = ("gyro", "accel")
 
 def further_channels(number: int) -> tuple[str, ...]:
     """Return the columns of a secondary IMU on the same body, for example gyro2_x, ..., accel2_z."""
-    return tuple(f"{sensor}{number}_{axis}" for sensor in ("gyro", "accel") for axis in AXES)
+    return tuple(f"{sensor}{number}_{axis}" for sensor in _SENSORS for axis in AXES)
 
 
 _KNOWN = (*COLUMNS, *(name for number in FURTHER_IMUS for name in further_channels(number)))

@@ -36,7 +36,7 @@ _MAX_RATE, _MAX_FORCE = 1e3, 1e5
 _MEANS_ANGLE, _MEANS_SCATTER = 0.2, 0.03
 
 
-class _Timed(NamedTuple):
+class _TimedRows(NamedTuple):
     """Rows with counter (None if there is none), continuous time, s, and the rows where the clock was set back."""
 
     table: SampleTable
@@ -96,7 +96,7 @@ class Recording:
         first = next(stream, None)
         if first is None:
             return
-        self._refuse_means(first.table.counts())
+        self._check_no_means(first.table.counts())
         period = 1.0 / self.meta.imu.sample_rate_hz
         with ExitStack() as files:
             times, rows, position, read = None, None, 0, 0
@@ -120,7 +120,7 @@ class Recording:
                 self.report.jitter = times.jitter
                 self.report.jumps = 0 if times.jitter else self.report.jumps
 
-    def _timed(self, report: TimeReport) -> Iterator[_Timed]:
+    def _timed(self, report: TimeReport) -> Iterator[_TimedRows]:
         """Yield rows with their counter and their continuous time; irregularities of the time are added to `report`."""
         period = 1.0 / self.meta.imu.sample_rate_hz
         clock, counter = ClockUnwrapper(period, self.time_unit, report), _CounterTime(period)
@@ -131,13 +131,13 @@ class Recording:
             if "time_s" not in table:
                 report.counted = True
                 numbers = table.rows if seq is None else seq
-                yield _Timed(table, numbers, counter.feed(numbers), [])
+                yield _TimedRows(table, numbers, counter.feed(numbers), [])
                 continue
             try:
                 time, set_back = clock.feed(table.floats("time_s"), seq)
             except SequenceError as exc:
                 raise self._sequence_error(exc, table) from exc
-            yield _Timed(table, seq, time, set_back)
+            yield _TimedRows(table, seq, time, set_back)
 
     def _sample_times(self, files: ExitStack) -> tuple[SampleTimes, TemporaryRows | None]:
         """Return counter and clock of the rows that are not repeated; also the rows `TIMES` if any row is repeated.
@@ -201,7 +201,7 @@ class Recording:
                 value = float(values[row, column])
                 raise InputError("csv.cell_implausible", **where, cell=cell, value=value, unit=unit)
 
-    def _refuse_means(self, counts: FloatArray) -> None:
+    def _check_no_means(self, counts: FloatArray) -> None:
         """Raise InputError if the direction of the force changes in most rows: the rows are then means of positions."""
         force = counts[np.isfinite(counts[:, 3:]).all(axis=1), 3:]
         length = np.linalg.norm(force, axis=1)

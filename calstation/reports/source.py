@@ -4,9 +4,7 @@ The result file of a run must equal the result in the log. A later override must
 log that was solved again is solved once more, and the file must agree with the new solution.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from calstation import __version__
 from calstation.errors import InputError
@@ -43,7 +41,9 @@ def load_source(report: ProgressCallback, path: Path) -> tuple[Result, Log]:
     """
     result, log = read_source(path)
     if result is None or result.outcome == "resolved":
-        result = _with_registers(_solve_again(report, path, result, log), stored_result(log))
+        result, run = _solve_again(report, path, result, log), stored_result(log)
+        if run is not None:
+            result = result.model_copy(update={"registers": run.registers})
     else:
         if path.suffix == ".json":
             result = _run_result(path, result, log)
@@ -78,7 +78,7 @@ def _run_result(path: Path, result: Result, log: Log) -> Result:
     stored = stored_result(log)
     if stored is None:
         raise InputError("report.no_result_in_log", file=path, log=log.path)
-    content, stated = _content(path, ()), log.results[-1]
+    content, stated = read_json(path), log.results[-1]
     entry = altered_entry(content, stated)
     if entry is not None:
         raise InputError("result.altered", file=path, log=log.path, entry=entry_text(entry, stated, content))
@@ -121,26 +121,11 @@ def _solve_again(report: ProgressCallback, path: Path, result: Result | None, lo
     stages = None if result.missing_data else tuple(result.stages)
     meta, added = with_states(log.meta, tuple(result.states_added))
     solved = resolve_log(log, meta, stages, *span, progress, added=added).result
-    stated = {key: value for key, value in solved.to_json().items() if key not in _ONLY_ATTACHED}
-    _check_content(path, log, _content(path, _ONLY_ATTACHED), stated, ROUNDING)
-    return solved
-
-
-def _with_registers(result: Result, run: Result | None) -> Result:
-    """Return the result of a log that was solved again, with the registers of the run and their verification."""
-    return result if run is None else result.model_copy(update={"registers": run.registers})
-
-
-def _content(path: Path, omitted: tuple[str, ...]) -> dict[str, Any]:
-    content: dict[str, Any] = read_json(path)
-    return {key: value for key, value in content.items() if key not in omitted}
-
-
-def _check_content(
-    path: Path, log: Log, content: Mapping[str, Any], expected: Mapping[str, Any], rounding: float
-) -> None:
-    """Raise InputError if a file differs by more than rounding from its expected content, except the log's folder."""
-    log_section = {**expected["log"], "file": content["log"]["file"]}
-    entry = difference(content, {**expected, "log": log_section}, rounding)
+    content, stated = (
+        {key: value for key, value in each.items() if key not in _ONLY_ATTACHED}
+        for each in (read_json(path), solved.to_json())
+    )
+    entry = difference(content, {**stated, "log": {**stated["log"], "file": content["log"]["file"]}}, ROUNDING)
     if entry is not None:
-        raise InputError("report.other_result", file=path, log=log.path, entry=entry_text(entry, expected, content))
+        raise InputError("report.other_result", file=path, log=log.path, entry=entry_text(entry, stated, content))
+    return solved

@@ -43,7 +43,6 @@ from calstation.quality import (
     MIN_CATEGORIES,
     MIN_VALUES,
     RULES,
-    Due,
     GaugePlan,
     GaugeStudy,
     Interval,
@@ -51,6 +50,7 @@ from calstation.quality import (
     QualitySummary,
     Share,
     StandardHistory,
+    StandardProblem,
     StandardState,
     TableChart,
     due_certificates,
@@ -363,7 +363,7 @@ def _power_lines(serial: str, power: Mapping[str, Mapping[str, float | None]]) -
     return lines
 
 
-def _due_row(due: Due) -> dict[str, Any]:
+def _due_row(due: StandardProblem) -> dict[str, Any]:
     return {"name": due.name, "reason": due.reason, "since": _iso(due.since)}
 
 

@@ -56,8 +56,8 @@ def _database(path: Path) -> Any:
 
     query = "SELECT name FROM sqlite_master WHERE type IN ('view', 'trigger') OR sql LIKE 'CREATE VIRTUAL%'"
     with closing(sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True)) as database:
-        if (found := database.execute(query).fetchone()) is not None:
-            raise ValueError(f"'{found[0]}' is not a table")
+        if (row := database.execute(query).fetchone()) is not None:
+            raise ValueError(f"'{row[0]}' is not a table")
     return Sqlite3Reader(path)
 
 

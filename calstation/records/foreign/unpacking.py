@@ -24,7 +24,7 @@ class Unpacking:
     def __init__(self, path: Path) -> None:
         self._path = path
         packed = sum(each.stat().st_size for each in (path.iterdir() if path.is_dir() else (path,)))
-        self._left = max(_MIN_TOTAL, _MAX_RATIO * packed)
+        self._remaining = max(_MIN_TOTAL, _MAX_RATIO * packed)
 
     def lz4(self, data: bytes, _size: int = 0) -> bytes:
         """Unpack a frame of LZ4."""
@@ -47,7 +47,7 @@ class Unpacking:
         """Open a packed file of Zstandard for reading."""
         from zstandard import ZstdDecompressor
 
-        return _Stream(ZstdDecompressor().stream_reader(file), self._taken)
+        return _Stream(ZstdDecompressor().stream_reader(file), self._counted)
 
     def _decompressed(self, decompressor: Any, data: bytes) -> bytes:
         def parts() -> Iterator[bytes]:
@@ -62,14 +62,14 @@ class Unpacking:
         joined = []
         size = 0
         for part in parts:
-            joined.append(self._taken(part))
+            joined.append(self._counted(part))
             if (size := size + len(part)) > MAX_CHUNK:
                 raise InputError("foreign.too_large", file=self._path)
         return b"".join(joined)
 
-    def _taken(self, data: bytes) -> bytes:
-        self._left -= len(data)
-        if self._left < 0:
+    def _counted(self, data: bytes) -> bytes:
+        self._remaining -= len(data)
+        if self._remaining < 0:
             raise InputError("foreign.too_large", file=self._path)
         return data
 
@@ -77,11 +77,11 @@ class Unpacking:
 class _Stream:
     """A packed file, whose parts are unpacked as they are read."""
 
-    def __init__(self, source: Any, taken: Callable[[bytes], bytes]) -> None:
-        self._source, self._taken = source, taken
+    def __init__(self, source: Any, counted: Callable[[bytes], bytes]) -> None:
+        self._source, self._counted = source, counted
 
     def read(self, size: int) -> bytes:
-        return self._taken(self._source.read(size))
+        return self._counted(self._source.read(size))
 
     def __enter__(self) -> "_Stream":
         return self

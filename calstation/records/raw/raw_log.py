@@ -403,14 +403,9 @@ class RawLogWriter:
             null = os.open(os.devnull, os.O_RDWR)
             os.dup2(null, self._hdf5_handle)
             os.close(null)
-        with suppress(OSError):
-            self._extend_to_stated_length()
-
-    def _extend_to_stated_length(self) -> None:
-        """Extend the file to the length in its superblock, because readers reject a truncated file."""
-        length = self._stated_length()
-        if os.fstat(self._sync_handle).st_size < length:
-            os.ftruncate(self._sync_handle, length)
+        with suppress(OSError):  # readers reject a file that is shorter than its superblock states
+            if os.fstat(self._sync_handle).st_size < (length := self._stated_length()):
+                os.ftruncate(self._sync_handle, length)
 
     def _stated_length(self) -> int:
         """Return the length in the superblock."""
