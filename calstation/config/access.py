@@ -72,7 +72,7 @@ def set_pin(old: str, new: str, badge: str = "", author: Confirmation | None = N
         raise ConfigurationError("access.pin_too_short", shortest=MIN_PIN_LENGTH)
     with _locked(badge):
         event: AuditEventName = "pin_changed" if has_pin(badge) else "pin_set"
-        owner = badge if has_pin(badge) else ""  # badge of the old PIN
+        owner = badge if has_pin(badge) else ""  # badge to which the old PIN belongs
         if badge and not has_pin(owner):
             raise ConfigurationError("access.no_site_pin")
         if has_pin(owner) and not _check(old, owner):

@@ -71,7 +71,7 @@ def confirm(
 
     Raises
     ------
-    ConfigurationError : if a person is not an engineer of the station, a badge is not one of the station, a PIN is
+    ConfigurationError : if a person is not an engineer of the station, the station does not accept a badge, a PIN is
         wrong or missing, the second person is missing or identical to the first, or the station lists no engineers
         although two people are required or given.
     """
@@ -79,7 +79,7 @@ def confirm(
     if not first.badge:
         raise ConfigurationError("confirmation.no_person")
     engineers, sign_in = _engineers(station), station.sign_in
-    # only a typed badge is tested: the person may be the user of the computer if nothing is asked
+    # only a typed badge is tested: without a question, the person may be the user of the computer
     is_typed = needed.pin or second is not None or bool(first.pin) or action == "revision"
     if is_typed and not engineers and sign_in is not None and not sign_in.knows(first.badge):
         raise ConfigurationError("confirmation.not_a_badge", badge=first.badge)

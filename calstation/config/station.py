@@ -97,7 +97,7 @@ class StationConfig(StrictModel):
     slots: list[SlotSection] = Field(default_factory=list)
     records: RecordsSection = RecordsSection()
 
-    # the sections themselves do not check the following, because they are also read from logs
+    # checked here and not in the sections, because the sections are also read from logs
 
     @field_validator("laboratory")
     @classmethod

@@ -13,7 +13,7 @@ _ENGINEERS: KeyPath = ("sign_in", "engineers")
 def _instrument_cells(_: ReadValue, key_path: KeyPath) -> tuple[FormCell, ...]:
     return (
         *(FormCell((*key_path, key), kind="text") for key in ("name", "serial")),
-        replace(cell_of("stations", (*key_path, "kind")), default=None),  # logs have a default, station files none
+        replace(cell_of("stations", (*key_path, "kind")), default=None),  # the default applies to logs only
         FormCell((*key_path, "certificate"), kind="text"),
         *(FormCell((*key_path, key), kind="date") for key in ("calibrated", "due")),
     )

@@ -118,7 +118,7 @@ def _proofs(folder: Path) -> Iterator[Path]:
         yield folder / "engineers"
     for path in sorted((folder / "versions").glob("*/*/*.json")):
         with suppress(OSError, ValueError):
-            if "reason" in read_json(path):  # versions before the audit trail have none
+            if "reason" in read_json(path):  # versions of programs without an audit trail have no reason
                 yield path
 
 

@@ -95,7 +95,7 @@ class Exchange:
     def close(self) -> None:
         """Release the claims and close the connection; the next exchange opens a new one."""
         if self._engine is not None and self._claimed_serials:
-            with suppress(DBAPIError):  # the claims expire without it
+            with suppress(DBAPIError):  # the claims will expire
                 release_units(self._engine, self.outbox.id, self._claimed_serials)
             self._claimed_serials.clear()
         self._disconnect()

@@ -5,7 +5,7 @@ Kalibr predicts the measurements from the motion (`IccSensors.py`, `IccScaledMis
     accel  measured = M (f + Σ E_i (ω × (ω × r_i) + dω/dt × r_i)) + b     M lower triangular, E_i selects axis i
     gyro   measured = M C_gyro_i ω + A C_gyro_i f + b                     M lower triangular, C_gyro_i a rotation
 
-It estimates biases itself and reads none.
+It estimates biases itself and does not read them.
 """
 
 from typing import Any

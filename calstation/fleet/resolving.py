@@ -164,7 +164,7 @@ def resolve_fleet(
             assignment = Assignment(request.database, settings, request.selection, request.retry_failed)
             with started_cluster(request.scheduler, workers) as client:
                 for status in solve_logs(client, assignment, remaining, stop, request.scheduler):
-                    # the worker terminated after it had written the solution
+                    # written by a worker that terminated before it returned the status
                     if status.outcome == "stored" and (status.solution or 0) > last:
                         status = replace(status, outcome="solved")
                     summary.add(status)

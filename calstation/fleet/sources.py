@@ -115,7 +115,7 @@ def _logs_at(source: str) -> Iterator[StoredLog]:
             files = {name: system.info(name) for name in existing}
     except (InputError, ConfigurationError):
         raise
-    except Exception as exc:  # every file system has its own errors, as has an unknown kind of URL
+    except Exception as exc:  # every file system and every unknown kind of URL has its own errors
         raise InputError("fleet.source_unreachable", source=source, reason=storage_reason(exc)) from exc
     if not names:
         raise InputError("fleet.no_logs", source=source)

@@ -245,10 +245,10 @@ def summarise_quality(
     folder : folder of the runs, whose index is up to date, see `calstation.results.refresh_history`
     product : product file, whose limits apply; by default all products, with the limits of the product files with their
         names
-    serial : unit, such as a check standard, whose runs are charted individually. The yield, the other charts, which use
-        the first run of each unit so that later runs change neither limits nor signals, and the capability, which uses
-        the last run of each unit, exclude its runs and the runs of check standards according to their results or to a
-        current product file.
+    serial : unit, such as a check standard, whose runs are charted individually. Its runs, and the runs of check
+        standards according to their results or to a current product file, are excluded from everything else. The other
+        charts use the first run of each unit, so that later runs change neither limits nor signals; the capability uses
+        the last run of each unit.
     parameter : parameter that is charted; by default all
     since : earliest start of the runs; limits and signals of the charts do not depend on it, because baseline,
         averages, sums and patterns begin with the first runs of any time

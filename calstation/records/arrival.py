@@ -84,7 +84,7 @@ def sample_times(times: TemporaryRows, nominal: float) -> SampleTimes:
         steps = steps / period
         smallest = min(smallest, float(steps.min()))
         irregular += int(np.count_nonzero(np.abs(steps - np.rint(steps)) > _MAX_DEVIATION))
-    if len(times) < 2 or smallest < 0.0:  # an error or a restart, which the counter shows
+    if len(times) < 2 or smallest < 0.0:  # a restart or an error, which `SequenceUnwrapper` detects
         _count(times, clock, None)
     elif smallest > _IRREGULAR and irregular <= _MAX_FRACTION * (len(times) - 1):
         _count(times, clock, period)

@@ -249,7 +249,7 @@ class LogMeta(StrictModel):
     profiles: dict[str, str] = Field(default_factory=dict)  #: Texts of the station and product files, by kind.
     registers: dict[str, float] = Field(default_factory=dict)  #: Registers of the unit, SI, if they act on its output.
     simulated: bool | None = None  #: Whether a recording was simulated; for a run, `run.seed` indicates it.
-    #: Pauses of an exported log: station times at which each began and, unless the run was stopped then, ended, s.
+    #: Pauses of an exported log: station times of start and end, s; only the start if the run was stopped in the pause.
     pauses: list[list[float]] = Field(default_factory=list)
     previous: dict[str, float] = Field(default_factory=dict)  #: Last calibration, SI, if the product's checks use it.
     imu2: SecondaryImuSection | None = None

@@ -320,7 +320,7 @@ class RunIndex:
             return usual_parameters, _rows(connection, query.where(*where))
 
         usual_parameters, rows = self._try(read)
-        # sorted here, because SQLite would read the table in the order of time, which is slow random access
+        # sorted here, because SQLite would read the rows in the order of time, which is slow random access
         order = np.argsort([row[0] for row in rows], kind="stable")
         columns = zip(*map(rows.__getitem__, order.tolist()), strict=True) if rows else [()] * 13
         days_started, names, *texts, partial, standard, missing, failed, parameters, numbers = columns

@@ -85,9 +85,10 @@ def read_verified_trail(report: ProgressCallback, station: Path | None, runs: Pa
     """Job: read and verify the audit trail of the site, and compare it with the files of the site and of certificates.
 
     The files of certificates are sought in the report folders of the station and of all stations in the library, in
-    the default report folders of `runs` and of the runs of the certificates, and next to these runs. The records of
-    issued reports are those in `runs` and in the other folders that the trail names, unless such a folder was archived.
-    The files of the site are compared with their last version in the trail. Raises InputError if a file cannot be read.
+    the default report folders of `runs` and of the runs of the certificates, and in the folders of these runs. The
+    records of issued reports are those in `runs` and in the other folders that the trail names, unless such a folder
+    was archived. The files of the site are compared with their last version in the trail. Raises InputError if a file
+    cannot be read.
     """
     site = read_site_trail(lambda *_, **__: None)
     folders = [*_report_folders(station), default_report_folder(runs.absolute())]

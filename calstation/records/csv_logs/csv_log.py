@@ -83,7 +83,7 @@ def with_quantisation(meta: LogMeta, tables: Callable[[], Iterator[SampleTable]]
     with suppress(InputError):  # reported when the samples are read
         counts += [part.counts()[part.valid] for part in _first_rows(tables)]
     values = np.concatenate(counts)
-    values = values[np.isfinite(values).all(axis=1)]  # too large values are refused when the samples are read
+    values = values[np.isfinite(values).all(axis=1)]  # excessive values are refused when the samples are read
     is_decimal = np.any(np.abs(values - np.rint(values)) > _LSB_ERROR * np.abs(values), axis=0)
     sensors = {"gyro_quantisation": is_decimal[:3].any(), "accel_quantisation": is_decimal[3:].any()}
     added = {name: 0.0 for name, has_decimals in sensors.items() if has_decimals and getattr(meta.imu, name) is None}

@@ -23,7 +23,7 @@ _SIGNS = np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
 _DEGREE, _FOOT = float(np.pi / 180.0), 0.3048
 _HONEYWELL = 2.0**-33
 _KVH = (0.1 / (3600.0 * 256.0), 0.05 * 2.0**-15)
-#: Sizes of a count, rad and m/s, by the numbers of the types of IMUs.
+#: Sizes of a count, rad and m/s, by the type numbers of IMUs.
 _SCALES = {
     (5, 20, 27, 28, 1, 11): (_HONEYWELL, 2.0**-27 * _FOOT),  # HG1900, HG1930, HG1700-AG11 and -AG58
     (4, 12): (_HONEYWELL, 2.0**-26 * _FOOT),  # HG1700-AG17 and -AG62

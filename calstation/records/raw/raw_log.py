@@ -49,7 +49,7 @@ SYNC_INTERVAL = 0.8
 _LOCK_TIMEOUT = 1.0
 #: Name of the column with the row checksums.
 CHECKSUM_COLUMN = "check"
-#: Columns of every log; the columns of secondary IMUs and of a gimbal follow, and the checksum is last.
+#: Columns of every log; the optional columns of `row_dtype` follow, and the checksum is last.
 ROW = np.dtype(
     [
         ("seq", "<i8"),
@@ -184,7 +184,7 @@ class RawLogWriter:
     def _create(self, content: bytes, **columns: bool) -> None:
         """Create all datasets, and switch SWMR mode on."""
         configuration = np.frombuffer(content, np.uint8)
-        self._file.attrs["format"] = np.bytes_(FORMAT)  # fixed length: see `raw_read`
+        self._file.attrs["format"] = np.bytes_(FORMAT)  # fixed length: see `raw_structure`
         self._file.attrs["meta_crc32"] = zlib.crc32(configuration.tobytes())
         # All datasets are kept open, because h5py ignores a write that fails when a dataset is closed.
         self._configuration = self._file.create_dataset("meta", data=configuration)
