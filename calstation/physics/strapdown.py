@@ -295,7 +295,7 @@ def propagate(
         for i in range(3):
             for j in range(3):
                 middle[i, j] = 0.5 * (before[i][j] + C[i][j])
-        omega, up = _vector(rates[k]), before[2]
+        omega, up = _vector(rates[k]), _vector(middle[2])
         central = _cross_product(omega, _cross_product(omega, _vector(c.outer_lever)))
         implied = (central[0] + up[0] * gravity, central[1] + up[1] * gravity, central[2] + up[2] * gravity)
         _rate_columns(c, omega, middle, turn)

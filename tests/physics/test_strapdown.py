@@ -170,11 +170,11 @@ def test_true_parameters_reproduce_the_true_motion(motion):
 
 
 START_VELOCITY = np.array([0.1, -0.2, 0.05])
-# the parameters act on the force without the lever arm term of the angular acceleration, 0.01 g
+# the parameters act on the force without the size effect, 0.002 g, and the angular acceleration of the arm, 0.01 g
 INTERVALS = {
     "rest": ((40, 60), 5e-3),
     "speeding up": ((105, 125), 0.2),
-    "turning": ((600, 620), 5e-3),
+    "turning": ((600, 620), 8e-3),
     "slowing down": ((1240, 1260), 0.2),
 }
 
