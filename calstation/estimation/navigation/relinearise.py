@@ -43,7 +43,7 @@ MAX_FIRST_NIS = 1.25 * 3.0
 USUAL_PASSES = 2
 #: Step of a pass, in sigmas, below which the iteration ends; it also ends if, after a step below `LINEAR_STEP`, the
 #: next step predicted from the last two is below this.
-CONVERGED_STEP = 0.003
+CONVERGED_STEP = 0.001
 #: Largest step, in sigmas, from which the next step is predicted; the linearisation is invalid for longer steps.
 LINEAR_STEP = 1.0
 #: Number of equally spaced headings that are compared if the azimuth is ambiguous.
