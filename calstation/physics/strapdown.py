@@ -263,6 +263,12 @@ def propagate(
     rates, rotations, velocities = motion
     rotation, v = _vector(earth), _vector(work.velocity)
     C = (_vector(work.attitude[0]), _vector(work.attitude[1]), _vector(work.attitude[2]))
+    f = last_f = (0.0, 0.0, 0.0)
+    if start > 0:  # force in n during the sample before, from its attitude C Eᵀ
+        x, y, z = _vector(velocities[start - 1])
+        e = rotations[start - 1]
+        back = (e[0] * x + e[3] * y + e[6] * z, e[1] * x + e[4] * y + e[7] * z, e[2] * x + e[5] * y + e[8] * z)
+        last_f = (_dot(C[0], back) / dt, _dot(C[1], back) / dt, _dot(C[2], back) / dt)
     for k in range(start, stop):
         increment = _vector(velocities[k])
         f = (_dot(C[0], increment), _dot(C[1], increment), _dot(C[2], increment))
@@ -316,6 +322,13 @@ def propagate(
                 psi_p[i, p] += (psi_v[i, p] + 0.5 * change) * dt
                 psi_v[i, p] += change
 
+    if 0 < start < stop:  # the trapezoidal rule is wrong by dt²/12 times the change of the force (Euler-Maclaurin)
+        square = dt * dt / 12.0
+        displacement = (
+            displacement[0] - square * (f[0] - last_f[0]),
+            displacement[1] - square * (f[1] - last_f[1]),
+            displacement[2] - square * (f[2] - last_f[2]),
+        )
     # the rate at the end is the mean of the last sample and the next
     rate = _vector(rates[max(stop - 1, 0)])
     if stop < len(rates):

@@ -283,7 +283,7 @@ def _integrate(p, gyro, accel, dt):
     product = np.cross(w, f)
     turns = rotation(w + np.cross(last, w) / 12.0)
     change = f + 0.5 * product + np.cross(w, product) / 6.0 + (np.cross(last, f) + np.cross(before, w)) / 12.0
-    shift = (0.5 * f + 0.25 * product) * dt  # exact if the force is constant in n; in b, a sixth instead of a quarter
+    shift = (0.5 * f + product / 6.0 - (f - before) / 12.0) * dt  # of a force that changes linearly in b
     R, v, x = np.broadcast_to(np.eye(3), (len(w), 3, 3)), np.zeros((len(w), 3)), np.zeros((len(w), 3))
     for j in range(w.shape[1]):
         x = x + v * dt + np.matvec(R, shift[:, j])

@@ -156,10 +156,11 @@ def test_true_parameters_reproduce_the_true_motion(motion):
     work = interval_work()
     work.attitude[:] = table_attitude(table, states[19, :, 0])[0]
     moved = increments(constants, 0.005, gyro, accel)
-    turned, centre = [], []
+    turned, centre, way = [], [], []
     for k in range(20, 2000, 20):
         propagate(constants, earth, gravity, 0.005, moved, k, k + 20, work)
-        true = table_attitude(table, states[k + 19, :, 0])[0]
+        last, true = table_attitude(table, states[[k - 1, k + 19], :, 0])
+        way.append(np.linalg.norm(work.displacement - (true - last) @ constants.outer_lever))
         turned.append(np.linalg.norm(rotation_vector(work.attitude @ true.T)))
         omega = rotation_states(table, states[k + 19, 0][None], states[k + 19, 1][None])[0][0]
         arm = np.cross(omega - true.T @ earth, constants.outer_lever)
@@ -167,6 +168,7 @@ def test_true_parameters_reproduce_the_true_motion(motion):
     assert np.linalg.norm(states[-1, :, 0] - states[0, :, 0]) > 4.0
     assert max(turned) < 2e-8
     assert max(centre) < 2e-6
+    assert max(way) < 1e-7
 
 
 START_VELOCITY = np.array([0.1, -0.2, 0.05])
