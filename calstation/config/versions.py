@@ -166,7 +166,7 @@ def save_noise(
 
 
 def _save_present(kind: str, name: str, path: Path) -> None:
-    """Add the current file as a version if it is a shipped default or has been changed outside the program."""
+    """Add the current file as a version if it is a shipped default, or was created or changed outside the program."""
     try:
         present = (path if path.exists() else library.find(kind, name)).read_bytes().decode()
         parse_toml(present)
@@ -175,7 +175,7 @@ def _save_present(kind: str, name: str, path: Path) -> None:
     versions = list_versions(kind, name)
     if not versions or versions[0].sha256 != sha256(present):
         version = _next(kind, name, present, None)
-        if versions:
+        if versions or path.exists():
             _audit("file_changed_outside", version, versions, present)
         _add(version, present)
 

@@ -93,6 +93,17 @@ def test_file_that_differs_from_its_last_version_in_the_trail_is_found(home: Pat
     assert outside() == ["products/nav_a.toml"]
 
 
+def test_file_that_another_program_created_is_recorded_before_the_first_save(home: Path) -> None:
+    file = home / "products" / "by_hand.toml"
+    file.parent.mkdir()
+    file.write_text(SHIPPED, encoding="utf-8")
+    versions.save("products", "by_hand", CHANGED, "wang")
+    entries = read_audit(audit_path(home)).entries
+    assert [each.event for each in entries] == ["file_changed_outside", "file_saved"]
+    assert entries[0].values["sha256"] == versions.sha256(SHIPPED)
+    assert versions.text("products", "by_hand", 1) == SHIPPED
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
