@@ -91,11 +91,23 @@ def sha256(content: str) -> str:
     return hashlib.sha256(content.encode()).hexdigest()
 
 
-def save(kind: str, name: str, content: str, author: str | Confirmation, reason: str = "") -> Version:
+def is_current(kind: str, name: str, opened: str) -> bool:
+    """Return whether a file still has the text that was opened; True if it is missing."""
+    if name not in library.names(kind):
+        return True
+    with suppress(ConfigurationError):
+        return editing.read_text(library.find(kind, name)) == opened
+    return not opened  # an unreadable file was opened without its text
+
+
+def save(
+    kind: str, name: str, content: str, author: str | Confirmation, reason: str = "", *, opened: str | None = None
+) -> Version:
     """Check a text and save it as a file of the site, unless it equals the current version.
 
     Every new version is recorded in the audit trail on disk before the file is written. Raises ConfigurationError with
-    the first problem of the text, or if the site's folder cannot be written.
+    the first problem of the text, if the file was changed after it was opened, or if the site's folder cannot be
+    written.
 
     Parameters
     ----------
@@ -103,6 +115,7 @@ def save(kind: str, name: str, content: str, author: str | Confirmation, reason:
     content : new text
     author : author of the version, by name only if no PIN was entered
     reason : reason for the change
+    opened : text of the file when it was opened; None to replace the file whatever its text
     """
     if kind not in editing.MODELS or not editing.is_name(name):
         raise ConfigurationError("configuration.bad_name", name=name)
@@ -113,10 +126,12 @@ def save(kind: str, name: str, content: str, author: str | Confirmation, reason:
         if len(problems) > 1:
             raise ConfigurationError("configuration.line_and_more", more=len(problems) - 1, **values)
         raise ConfigurationError("configuration.line", **values)
+    if opened is not None and not is_current(kind, name, opened):
+        raise ConfigurationError("versions.changed_meanwhile", file=path)
     try:
         _save_present(kind, name, path)
         versions = list_versions(kind, name)
-        if versions and path.exists() and versions[0].sha256 == sha256(content):
+        if versions and _digest_of(path) == versions[0].sha256 == sha256(content):
             return versions[0]
         person = author if isinstance(author, Confirmation) else Confirmation(author)
         version = replace(_next(kind, name, content, person.by), reason=plain_text(reason))

@@ -58,6 +58,16 @@ def test_entries_of_lists_of_tables_are_numbered_and_added_ones_have_no_old_valu
     }  # fmt: skip
 
 
+def test_file_that_was_changed_after_it_was_opened_is_not_overwritten(home: Path) -> None:
+    versions.save("products", "nav_a", CHANGED, "wang", opened=SHIPPED)
+    other = SHIPPED.replace("turns = 2", "turns = 4")
+    with raises_code(ConfigurationError, "versions.changed_meanwhile"):
+        versions.save("products", "nav_a", other, "li", opened=SHIPPED)
+    assert (home / "products" / "nav_a.toml").read_text("utf-8") == CHANGED
+    assert len(versions.list_versions("products", "nav_a")) == 2
+    versions.save("products", "nav_a", other, "li", opened=CHANGED)
+
+
 def test_restoring_a_version_creates_a_new_one(home: Path) -> None:
     versions.save("products", "nav_a", CHANGED, "wang")
     version = versions.restore("products", "nav_a", 1, "li")

@@ -28,6 +28,8 @@ class Draft(FormValues):
         self.path: Path | None = None
         #: The stored and the edited text.
         self.saved = self.text = ""
+        #: Whether the library had this file under its name when it was opened.
+        self._in_library = False
         self._required: frozenset[KeyPath] = frozenset()
         self._state: tuple[Path | None, str, str, list[Problem]] | None = None
 
@@ -40,6 +42,20 @@ class Draft(FormValues):
     def dirty(self) -> bool:
         """Whether the text differs from the stored one."""
         return self.text != self.saved
+
+    @property
+    def outdated(self) -> bool:
+        """Whether another program or window has changed the file since it was opened."""
+        return self._in_library and not versions.is_current(self.kind, self.name, self.saved)
+
+    @property
+    def file_name(self) -> str:
+        """The name under which the file is saved: its own, or an unused one for a file of another folder."""
+        name, number = self.name, 1
+        while not self._in_library and name in library.names(self.kind):
+            number += 1
+            name = f"{self.name}-{number}"
+        return name
 
     @property
     def warnings(self) -> list[Problem]:
@@ -61,6 +77,7 @@ class Draft(FormValues):
     def open(self, path: Path) -> None:
         """Read a file and discard unsaved changes."""
         self.path, self._required = path, frozenset()
+        self._in_library = self.name in library.names(self.kind) and library.find(self.kind, self.name) == path
         try:
             self.saved = editing.read_text(path)
         except ConfigurationError as error:
@@ -91,9 +108,10 @@ class Draft(FormValues):
         return key_path in self._required
 
     def discard(self) -> None:
-        """Restore the stored text."""
+        """Read the file again, which another window may have saved in the site's folder."""
         if self.path is not None:
-            self.open(self.path)
+            is_found = self._in_library and self.name in library.names(self.kind)
+            self.open(library.find(self.kind, self.name) if is_found else self.path)
 
     def set(self, changes: Mapping[KeyPath, Any]) -> None:
         """Change values; None removes a value. A text that is not valid TOML is not changed."""
@@ -144,6 +162,7 @@ class Drafts(QObject):
             other.path = None
         draft.open(path)
         if other is not None and other.dirty:
+            draft.saved = other.saved  # the text to which its changes were made
             draft.rewrite(other.text)
 
     def reload(self) -> None:
@@ -155,6 +174,11 @@ class Drafts(QObject):
     def dirty(self) -> list[Draft]:
         """Drafts with unsaved changes."""
         return [draft for draft in self._all if draft.dirty]
+
+    @property
+    def outdated(self) -> list[Draft]:
+        """Drafts with unsaved changes whose files another program or window has changed."""
+        return [draft for draft in self.dirty if draft.outdated]
 
     @property
     def invalid(self) -> list[Draft]:
@@ -184,15 +208,13 @@ class Drafts(QObject):
         Raises
         ------
         ConfigurationError
-            If a draft cannot be stored; earlier drafts have then been stored.
+            If a draft cannot be stored; earlier drafts have then been stored, unless a file is `outdated`.
         """
+        for draft in self.outdated:
+            raise ConfigurationError("versions.changed_meanwhile", file=draft.path)
         for draft in reversed(self.dirty):
-            name, number = draft.name, 1
-            while name in library.names(draft.kind) and library.find(draft.kind, name) != draft.path:
-                number += 1
-                name = f"{draft.name}-{number}"
-            why = reason if draft.judges_differently else ""
-            versions.save(draft.kind, name, draft.text, self.author, why)
+            name, why = draft.file_name, reason if draft.judges_differently else ""
+            versions.save(draft.kind, name, draft.text, self.author, why, opened=draft.saved)
             draft.open(library.find(draft.kind, name))
             self.saved.emit(draft.kind)
 

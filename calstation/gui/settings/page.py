@@ -221,12 +221,24 @@ class StationPage(Page):
         try:
             self.drafts.save(self._reason_edit.text())
         except ConfigurationError as error:
-            self.notice.ask("bad", "settings.not_saved", error.as_text)
+            choices = (
+                Choice("stay_button", "settings.stay_here", lambda: None, primary=True, safe=True),
+                Choice("read_again_button", "settings.read_again", self._read_again),
+            )
+            self.notice.ask("bad", "settings.not_saved", error.as_text, choices if self.drafts.outdated else ())
             return False
         self._saved_names, self._locked_by_save = names, engineer and not self.app.role.engineer
         self._reason_edit.clear()
         self.refresh()
         return True
+
+    def _read_again(self) -> None:
+        """Discard the unsaved changes of the files that another program or window has changed."""
+        station = self.drafts.station
+        for draft in reversed(self.drafts.outdated):
+            draft.discard()
+            if draft is station and station.path is not None and station.path != self.app.station_path:
+                self._use(station.path)  # another window has saved the shipped station in the site's folder
 
     def _overdue(self) -> list[str]:
         """Return the names of the overdue instruments of a changed station."""
