@@ -72,6 +72,15 @@ def joint_axis(geometry: TableGeometry, joint: int, inner: float) -> FloatArray:
     return np.asarray(rotation_vector(before.T @ after) / 0.5)
 
 
+def exchange_logs(one: Path, other: Path) -> None:
+    """Exchange the logs of the runs with two result files."""
+    first, second = one.with_suffix(".h5"), other.with_suffix(".h5")
+    aside = first.with_suffix(".aside")
+    first.rename(aside)
+    second.rename(first)
+    aside.rename(second)
+
+
 def write_log_of(result_file: Path) -> None:
     """Write a log without samples next to a result file, which contains this result."""
     content = json.dumps(json.loads(result_file.read_text(encoding="utf-8"))) + "\n"

@@ -30,7 +30,7 @@ from calstation.records import (
 )
 from calstation.reports.issued_pdf import file_digests
 from calstation.reports.request import default_report_folder, report_folder
-from calstation.results import History, load_confirmed_result
+from calstation.results import History, check_runs, load_confirmed_result
 
 #: Maximum number of missing files that are named.
 _MAX_NAMES = 5
@@ -104,15 +104,14 @@ def read_verified_trail(report: ProgressCallback, station: Path | None, runs: Pa
             successor = successors.get(certificate, certificate)
             code = "audit.file_changed" if successor == certificate else "audit.replaced_file_changed"
             faults.append(Text.of(code, file=file, certificate=certificate, successor=successor))
-        report(number / len(issued))
-    report(1.0)
+        report(0.5 * number / len(issued))
     cautions = [Text.of("audit.files_missing", count=len(missing), names=_first(missing))] if missing else []
     outside = [] if site.faults else versions.changed_outside(site_events(site_folder()))
     cautions += [Text.of("audit.changed_outside", count=len(outside), names=_first(outside))] if outside else []
     # the last location of a certificate is the folder of its runs, where other files need not be certificates
     searched = dict.fromkeys([*folders, *(each for *_, locations in issued for each in locations[:-1])])
     forged, unrecorded = _unrecorded_files(list(searched), runs)
-    faults, cautions = [*faults, *forged, *_changed_results(runs)], [*cautions, *unrecorded]
+    faults, cautions = [*faults, *forged, *_changed_results(report, runs)], [*cautions, *unrecorded]
     others = [Text.of("audit.files_intact", count=intact)] if intact else []
     for record in map(_verify_record, _record_folders(runs, site)):
         cautions += record.cautions
@@ -281,13 +280,15 @@ def _missing_runs(folder: Path) -> list[Text]:
     return [Text.of("audit.runs_missing", folder=folder, count=len(names), names=_first(names))] if names else []
 
 
-def _changed_results(folder: Path) -> list[Text]:
-    """Update the index, and return a fault for every run that it marks because nothing confirms its result file."""
+def _changed_results(report: ProgressCallback, folder: Path) -> list[Text]:
+    """Compare the runs of a folder with their logs, update the index, and return a fault for every unconfirmed one."""
     from calstation.records.run_index import FILE, RunIndex  # loads SQLAlchemy
 
     if not (folder / FILE).is_file():
-        return []
-    History(folder).refresh()
+        return check_runs(folder)[0]
+    history = History(folder)
+    history.refresh()
+    history.compare_logs(report=lambda done: report(0.5 + 0.5 * done))
     faults = []
     for run in RunIndex(folder).records(RunFilter(altered=True), None, 0, LATEST_FIRST):
         if run.origin or run.result is None or run.missing:
@@ -298,6 +299,7 @@ def _changed_results(folder: Path) -> list[Text]:
             faults.append(error.as_text)
         else:  # a file that agrees with its log has been restored since
             faults += [] if run.log.exists() else [Text.of("result.altered_without_log", file=run.result)]
+    report(1.0)
     return faults
 
 

@@ -29,8 +29,8 @@ from calstation.records import (
 )
 from calstation.results.result import NO_RESULT, SCHEMA, Result, load_result
 from calstation.results.sections import Parameter
-from calstation.results.stated import load_confirmed_result
-from calstation.results.stored_runs import has_files, is_run, lacks_log, read_run, run_stamps
+from calstation.results.stated import load_confirmed_result, require_own_log
+from calstation.results.stored_runs import agrees_with_log, has_files, lacks_log, read_run, run_stamps
 
 if TYPE_CHECKING:
     from calstation.records import RunIndex
@@ -189,14 +189,12 @@ class History:
             if record.altered:  # the log, which would contradict it, is missing or damaged
                 raise InputError("result.altered_without_log", file=record.result)
             return result
+        stored = last_result(record.log)
+        require_own_log(stored, record.log)
         try:
-            result = Result.from_json(last_result(record.log) or {})
+            return Result.from_json(stored or {})
         except NO_RESULT as exc:
             raise InputError("result.not_a_result", file=record.log, schema=SCHEMA) from exc
-        if not is_run(result, record.log.stem):
-            run = Path(result.log.file).stem
-            raise InputError("result.log_of_other", log=record.log, serial=result.serial, run=run)
-        return result
 
     def stated(self, record: RunRecord) -> Result:
         """Return the result of a run; if its result file was changed, that in its log or, failing that, in the index.
@@ -232,6 +230,18 @@ class History:
                 run = read_run(self._folder, earlier.name, earlier.stamp, earlier)
             if run is not None and run.record.badge != earlier.record.badge:
                 self._index.update([run])
+
+    def compare_logs(self, conditions: RunFilter = NO_FILTER, report: Callable[[float], None] | None = None) -> None:
+        """Mark the runs whose logs contradict them although their result files were not changed, see `read_again`.
+
+        `refresh` reads no log of an unchanged result file, such as a log that was exchanged with that of another run.
+        """
+        runs = [run for run in self.runs(conditions, limit=None) if run.result is not None and not run.origin]
+        for number, run in enumerate(runs, 1):
+            if run.altered or not agrees_with_log(run):
+                self.read_again(run)
+            if report is not None:
+                report(number / len(runs))
 
     def resolves(self, log: Path) -> list[ResolveRecord]:
         """Return the offline solutions of a log of the folder, the oldest first. Raises InputError."""

@@ -158,6 +158,7 @@ def export_runs(report: ProgressCallback, folder: Path, conditions: RunFilter, t
     ConfigurationError if the file cannot be written, or if pyarrow, which writes Parquet, is not installed.
     """
     history = History(folder)
+    history.compare_logs(conditions, lambda done: report(0.5 * done))
     runs = history.indexed(conditions)
     partial = partial_path(target)
     try:
@@ -168,7 +169,7 @@ def export_runs(report: ProgressCallback, folder: Path, conditions: RunFilter, t
             with partial.open("w", encoding="utf-8", newline="") as stream:
                 for done, text in enumerate(texts if target.suffix == ".csv" else _run_results(history, runs)):
                     stream.write(text)
-                    report(min(done / (len(runs) + 1), 0.99))
+                    report(min(0.5 + 0.5 * done / (len(runs) + 1), 0.99))
         partial.replace(target)
     except OSError as exc:
         raise ConfigurationError("result.unwritable", file=target, reason=os_reason(exc)) from exc

@@ -29,7 +29,7 @@ from calstation.records import (
     site_events,
     verify_trail,
 )
-from calstation.results.result import Result, read_content, result_from
+from calstation.results.result import NO_RESULT, Result, read_content, result_from
 from calstation.results.sections import Override
 
 #: Entries that are added later to the result file of a run: an override, which must be in the audit trail (see
@@ -44,8 +44,8 @@ _MAX_LENGTH = 30
 def load_run_result(path: Path, *, require_log: bool = False) -> Result:
     """Read a result file; compare the file of a run with its log, if the log is next to it or where the run wrote it.
 
-    Raises InputError, also if the file differs from the result in the log. With `require_log`, the log must exist and
-    be readable, because nothing else confirms the result.
+    Raises InputError, also if the file differs from the result in the log, or the log is that of another run. With
+    `require_log`, the log must exist and be readable, because nothing else confirms the result.
     """
     content = read_content(path)
     result = result_from(content, path)
@@ -67,7 +67,22 @@ def load_run_result(path: Path, *, require_log: bool = False) -> Result:
         return result
     if stored is None and open_log(log).outcome is None:
         raise InputError("result.unconfirmed", file=path, log=log)
+    require_own_log(stored, log)
     raise InputError("result.altered", file=path, log=log, entry=entry_text(entry, stored, content))
+
+
+def is_run(result: Result, name: str) -> bool:
+    """Return whether a result belongs to the run with this name instead of being a copy or an offline solution."""
+    return result.outcome != "resolved" and Path(result.log.file.replace("\\", "/")).stem == name
+
+
+def require_own_log(stored: Mapping[str, Any] | None, log: Path) -> None:
+    """Raise InputError if the result `stored` in a log is that of another run, because the log was exchanged."""
+    with suppress(*NO_RESULT):
+        other = Result.from_json(stored or {})
+        if not is_run(other, log.stem):
+            run = Path(other.log.file.replace("\\", "/")).stem
+            raise InputError("result.log_of_other", log=log, serial=other.serial, run=run)
 
 
 def load_confirmed_result(path: Path) -> Result:

@@ -29,8 +29,10 @@ from calstation.results.stated import (
     RELEASE_IN_DOUBT,
     altered_entry,
     content_digest,
+    is_run,
     load_confirmed_result,
     load_run_result,
+    require_own_log,
     require_recorded_release,
     was_simulated,
 )
@@ -141,15 +143,17 @@ def _log_doubt(record: RunRecord) -> Text | None:
         return None
     try:
         stored = last_result(record.log)
+        require_own_log(stored, record.log)
     except InputError as error:
         return error.as_text
-    if stored is None:
-        return Text.of("result.not_in_log", log=record.log)
-    with suppress(*NO_RESULT):
-        other = Result.from_json(stored)
-        if not is_run(other, record.log.stem):
-            return Text.of("result.log_of_other", log=record.log, serial=other.serial, run=Path(other.log.file).stem)
-    return None
+    return Text.of("result.not_in_log", log=record.log) if stored is None else None
+
+
+def agrees_with_log(record: RunRecord) -> bool:
+    """Return whether a log contains the result in the index of its run; True if there is no log, or it is damaged."""
+    with suppress(InputError, FileNotFoundError):
+        return content_digest(last_result(record.log) or {}) == record.result_sha256
+    return True
 
 
 def _contradicts(run: RunRecord, earlier: RunRecord) -> bool:
@@ -228,11 +232,6 @@ def _check_texts(run: IndexedRun) -> None:
     "".join(filter(None, (*required_texts, *other_texts))).encode()  # raises for a lone surrogate
     if "\0" in record.serial + record.started_utc:
         raise ValueError("PostgreSQL has no such character")
-
-
-def is_run(result: Result, name: str) -> bool:
-    """Return whether a result belongs to the run with this name instead of being a copy or an offline solution."""
-    return result.outcome != "resolved" and Path(result.log.file.replace("\\", "/")).stem == name
 
 
 def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Path | None) -> IndexedRun:

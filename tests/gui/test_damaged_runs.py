@@ -29,7 +29,7 @@ from tests.gui.test_history_lists import choose, combo, compare
 from tests.gui.test_history_page import WAIT, button, listed_runs, rows, select_row, write_run
 from tests.gui.test_quality_page import click_tab
 from tests.gui.test_run_record import press_record
-from tests.helpers import ignore_progress
+from tests.helpers import exchange_logs, ignore_progress
 
 pytestmark = pytest.mark.timeout(120)
 folder, page = base.folder, base.page
@@ -395,3 +395,42 @@ def test_release_that_the_audit_trail_does_not_record_is_named(
     assert say(fault) in reason
     assert unrecorded in say(fault)
     language.use("en")
+
+
+@pytest.mark.parametrize(("code", "said"), [("en", "is not the log of this run"), ("zh_CN", "不是本次标定的数据记录")])
+@pytest.mark.parametrize("indexed", [True, False])
+def test_exchanged_logs_are_found_by_verification_and_export(
+    page: HistoryPage, folder: Path, tmp_path: Path, qtbot: QtBot, code: str, said: str, indexed: bool
+) -> None:
+    language.use(code)
+    paths = [write_run(folder, f"SN-00000{k}", "failed", timedelta(hours=k), bias=5.0) for k in (1, 2)]
+    for path in paths:
+        write_log(path)
+    listed_runs(page, qtbot)
+    if indexed:
+        list_again(page, qtbot)
+    exchange_logs(*paths)
+    target = export_shared_runs(ignore_progress, None, folder, RunFilter(), tmp_path / "runs.csv")
+    table = csv.DictReader(target.read_text("utf-8-sig").splitlines())
+    assert [(row["serial"], row["result_changed"]) for row in table] == [("SN-000001", "1"), ("SN-000002", "1")]
+    done: list[float] = []
+    faults = read_verified_trail(lambda fraction, **_: done.append(fraction), None, folder).faults
+    assert [each.values["log"] for each in faults] == [path.with_suffix(".h5") for path in paths]
+    assert all(said in say(each) for each in faults)
+    assert done == sorted(done)
+    assert done[-1] == 1.0
+    page.refresh()
+    list_again(page, qtbot)
+    assert {state for _, state in rows(page)} == {say("badge.altered")}
+    language.use("en")
+
+
+def test_exchanged_logs_are_found_where_the_runs_have_no_index(folder: Path) -> None:
+    paths = [write_run(folder, f"SN-00000{k}", "failed", timedelta(hours=k), bias=5.0) for k in (1, 2)]
+    for path in paths:
+        write_log(path)
+    exchange_logs(*paths)
+    for file in folder.glob("history.sqlite*"):
+        file.unlink()
+    faults = read_verified_trail(ignore_progress, None, folder).faults
+    assert [each.code for each in faults] == ["result.log_of_other"] * 2

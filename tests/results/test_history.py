@@ -42,7 +42,7 @@ from calstation.results import (
 from calstation.results import history as history_module
 from calstation.runs import find_resumable, recover_at_startup
 from tests.check_rows import check_row
-from tests.helpers import raises_code, write_log_of
+from tests.helpers import exchange_logs, raises_code, write_log_of
 from tests.open_transfers import write_open_transfer
 from tests.records.records_samples import META, make_block
 
@@ -314,6 +314,27 @@ def test_passed_result_is_unconfirmed_if_its_log_was_not_closed(tmp_path: Path) 
         history.result(run)
     run.log.unlink()
     assert [each.badge for each in refreshed(tmp_path / "runs").runs()] == ["unconfirmed"]
+
+
+def test_exchanged_logs_are_named_instead_of_the_unchanged_result_files(tmp_path: Path) -> None:
+    paths = [write(tmp_path, name, f"SN-{name}", "failed", day) for day, name in enumerate(("a", "b"), 1)]
+    for path in paths:
+        write_log_of(path)
+    history = refreshed(tmp_path)
+    exchange_logs(*paths)
+    history.refresh()
+    history.compare_logs()
+    assert [run.badge for run in history.runs()] == ["altered", "altered"]
+    faults, _ = check_runs(tmp_path)
+    assert [(each.code, each.values["log"], each.values["serial"], each.values["run"]) for each in faults] == [
+        ("result.log_of_other", tmp_path / "a.h5", "SN-b", "b"),
+        ("result.log_of_other", tmp_path / "b.h5", "SN-a", "a"),
+    ]
+    with raises_code(InputError, "result.log_of_other"):
+        load_run_result(paths[0])
+    exchange_logs(*paths)
+    history.compare_logs()
+    assert [run.badge for run in history.runs()] == ["failed", "failed"]
 
 
 @pytest.mark.parametrize("log", [None, 3, {}, {"file": "/b.h5"}])
