@@ -17,7 +17,7 @@ from calstation.errors import CalstationError, ConfigurationError, DeviceFaultEr
 from calstation.escaping import for_zpl
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, local_time, os_reason
-from calstation.records import IssuedReport, Verdict, append_audit, issued_reports, open_log, write_atomic
+from calstation.records import IssuedReport, Verdict, audit_writer, issued_reports, open_log, write_atomic
 from calstation.registers import run_registers
 from calstation.reports.content import certificate_number
 from calstation.reports.pdf import compile_template
@@ -53,7 +53,7 @@ def print_label(
 ) -> Path | None:
     """Job: print the label of a run or, for a Typst template, return a PDF file in ``labels`` next to the runs.
 
-    The audit trail records the label before it is printed.
+    The audit trail records the label after it has been sent to the printer or its PDF has been written.
 
     Parameters
     ----------
@@ -84,23 +84,21 @@ def print_label(
     if {*result.not_compared} - {*result.unobservable}:  # estimated neither by a stage nor before
         raise InputError("label.not_judged", serial=result.serial, names=result.unjudged)
 
-    def record(**values: Any) -> None:
+    def recorded(send: Callable[[], object], **values: Any) -> None:
         people = author or Confirmation("")
         simulated = {"simulated": True} if result.simulated else {}
         values = {"serial": result.serial, "run": certificate_number(result), **simulated, **values, "pin": people.pin}
-        append_audit(site_folder(), "label_printed", people.by, **values)
+        with audit_writer(site_folder()) as audit:
+            audit.require_intact()
+            send()
+            audit.append_event("label_printed", people.by, **values)
 
     if template.suffix == ".zpl":
-        _print_text(_fill_template(template, label_fields(result, result_file.parent)), station, record)
+        _print_text(_fill_template(template, label_fields(result, result_file.parent)), station, recorded)
         return None
     pdf = result_file.absolute().parent.parent / "labels" / f"{result_file.stem}.pdf"
     content = _compile_pdf(template, result, label_fields(result, result_file.parent))
-    record(file=pdf.name, sha256=hashlib.sha256(content).hexdigest())
-    try:
-        pdf.parent.mkdir(exist_ok=True)
-        write_atomic(pdf, content)
-    except OSError as exc:
-        raise InputError("label.unwritable", file=pdf, reason=os_reason(exc)) from exc
+    recorded(lambda: _write(pdf, content), file=pdf.name, sha256=hashlib.sha256(content).hexdigest())
     return pdf
 
 
@@ -194,20 +192,33 @@ def _fill_template(template: Path, texts: Mapping[str, str]) -> str:
         raise InputError("label.not_a_template", file=template, detail=str(exc)) from exc
 
 
-def _print_text(text: str, station: Path | None, record: Callable[..., None]) -> None:
-    """Send a text to the printer of the station; `record` is called with its address before."""
+def _write(pdf: Path, content: bytes) -> None:
+    try:
+        pdf.parent.mkdir(exist_ok=True)
+        write_atomic(pdf, content)
+    except OSError as exc:
+        raise InputError("label.unwritable", file=pdf, reason=os_reason(exc)) from exc
+
+
+def _print_text(text: str, station: Path | None, recorded: Callable[..., None]) -> None:
+    """Send a text to the printer of the station with `recorded`, which also receives the address of the printer."""
     path, config = load_station(station)
     address = None if config.label is None else host_and_port(config.label.printer)
     if config.label is None or address is None:
         raise ConfigurationError("label.no_printer", station=path)
+    printer = config.label.printer
     try:
         with socket.create_connection(address, timeout=_TIMEOUT_S) as connection:
-            record(printer=config.label.printer)
-            connection.sendall(text.encode())
+            recorded(lambda: _send(connection, text, printer), printer=printer)
     except OSError as exc:
-        raise DeviceFaultError(
-            "label.printer_unreachable", printer=config.label.printer, reason=os_reason(exc)
-        ) from exc
+        raise DeviceFaultError("label.printer_unreachable", printer=printer, reason=os_reason(exc)) from exc
+
+
+def _send(connection: socket.socket, text: str, printer: str) -> None:
+    try:
+        connection.sendall(text.encode())
+    except OSError as exc:  # is not an error of the audit trail
+        raise DeviceFaultError("label.printer_unreachable", printer=printer, reason=os_reason(exc)) from exc
 
 
 def _compile_pdf(template: Path, result: Result, texts: Mapping[str, str]) -> bytes:

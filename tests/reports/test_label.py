@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import h5py
 import numpy as np
@@ -21,7 +22,7 @@ from calstation.config import Confirmation, trail_values
 from calstation.config.library import shipped_folder
 from calstation.devices.imu import TransferOutcome, TransferStep
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
-from calstation.messages import Language, local_time, render
+from calstation.messages import Language, local_time, render, term
 from calstation.records import LogMeta, RawLogWriter, audit_path, open_log, read_audit
 from calstation.registers import journal
 from calstation.reports import label_template, print_label, print_labels
@@ -133,6 +134,29 @@ def test_every_printed_label_is_in_the_audit_trail(site: Path, language: Languag
     shown = "\n".join(trail_values(first.values, language, brief=True))
     assert [word for word in words if word not in shown] == []
     assert saved.values["sha256"] == hashlib.sha256(pdf.read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize(
+    ("language", "words"), [("en", "Label printed or its PDF made"), ("zh_CN", "打印标签或生成其 PDF")]
+)
+def test_label_that_was_neither_sent_nor_saved_is_not_in_the_audit_trail(
+    site: Path, monkeypatch: pytest.MonkeyPatch, language: Language, words: str
+) -> None:
+    assert term("audit_event", "label_printed", language) == words
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        station = write_station(site, label={"printer": f"tcp://127.0.0.1:{server.getsockname()[1]}"})
+        with monkeypatch.context() as patch:
+            patch.setattr(socket.socket, "sendall", Mock(side_effect=ConnectionResetError("reset")))
+            with raises_code(DeviceFaultError, "label.printer_unreachable"):
+                print_label(lambda *_: None, write_result(site), station)
+    use_template(site, "label.typ", "#sys.inputs.serial")
+    (site / "labels").write_text("no folder", encoding="utf-8")
+    with raises_code(InputError, "label.unwritable"):
+        printed(site)
+    assert list(read_audit(audit_path(site)).entries) == []
+    (site / "labels").unlink()
+    assert printed(site) is not None
+    assert [each.event for each in read_audit(audit_path(site)).entries] == ["label_printed"]
 
 
 def test_label_is_not_printed_if_the_audit_trail_was_changed(site: Path) -> None:

@@ -191,15 +191,20 @@ class AuditWriter(ChainedFile[AuditEvent]):
         self, event: AuditEventName, by: str, why: str = "", *, confirmed_by: str | None = None, **values: Any
     ) -> AuditEvent:
         """Append an event; see `append_audit` for the arguments. Raises OSError or ConfigurationError."""
-        state = verify_trail(self.folder)
-        state.require_intact()
-        if state.key_error is not None:
-            raise state.key_error
+        state = self.require_intact()
         content = _content(event, by, why, confirmed_by, values)
         key = state.key or new_key(self.folder)
         entry = self.append(content if state.public_key else {**content, "key": key.public}, key.sign)
         self._keep(key, len(state.trail.digests) + 1, entry)
         return entry
+
+    def require_intact(self) -> TrailState:
+        """Return the state of the trail. Raises ConfigurationError if it was changed or its key cannot be read."""
+        state = verify_trail(self.folder)
+        state.require_intact()
+        if state.key_error is not None:
+            raise state.key_error
+        return state
 
     def restart(self, by: str, why: str, pin: str | None) -> AuditEvent:
         """Begin a new trail with a new key; see `restart_trail`. Raises OSError or ConfigurationError."""
