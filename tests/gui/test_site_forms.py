@@ -126,11 +126,18 @@ def test_laboratory_and_its_lists_are_entered_saved_and_removed_again(forms: Lis
         "Row 1, Due: The next calibration must be after the last one, 2026-03-02."
     ]
     forms.enter("1", "Due", "2026-03-03")
+    forms.press("instruments_add_button")
+    forms.enter("2", "Instrument", "Thermometer")
+    forms.select("2", "Kind", "other")
+    forms.enter("2", "Calibrated", "2026-03-02")
+    forms.enter("2", "Due", "2026-03-03")
     forms.press("save_station_button")
     assert stored("line_4") == before, "an overdue instrument is saved only after a warning"
     assert "Rate table RT-200" in forms.page.notice.text_label.text()
+    assert "Thermometer" not in forms.page.notice.text_label.text(), "it does not refuse production runs"
     forms.press("save_overdue_button")
     assert "2026-03-03" in stored("line_4")
+    forms.press("instruments_remove_button")
     forms.enter("1", "Due", "2036-03-02")
     forms.press("save_station_button")
     data = tomllib.loads(stored("line_4"))

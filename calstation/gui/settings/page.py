@@ -200,7 +200,7 @@ class StationPage(Page):
     def save(self, *, overdue: bool = False) -> bool:
         """Save all changes, show any error, and return whether the changes were saved.
 
-        An overdue instrument of a changed station is saved only with `overdue`, after a warning.
+        A station with an overdue instrument that refuses production is saved only with `overdue`, after a warning.
         """
         if self.drafts.invalid or self._why_not_save() or self._missing_reason():
             return False
@@ -241,11 +241,12 @@ class StationPage(Page):
                 self._use(station.path)  # another window has saved the shipped station in the site's folder
 
     def _overdue(self) -> list[str]:
-        """Return the names of the overdue instruments of a changed station."""
+        """Return the names of the overdue instruments of a changed station because of which production is refused."""
         station = self.drafts.station
         if not station.dirty or not isinstance(station.model, StationConfig):
             return []
-        return [each.name for each in station.model.instruments if each.due is not None and each.due < date.today()]
+        required = (each for each in station.model.instruments if each.required)
+        return [each.name for each in required if each.due is not None and each.due < date.today()]
 
     def refresh(self) -> None:
         """Show unsaved changes and problems, and update the buttons."""
