@@ -133,6 +133,7 @@ from calstation.records.raw import (
     being_written,
     can_be_resumed,
     completed_points,
+    completed_rounds,
     last_result,
     raw_rows,
     solved_stages,

@@ -1,7 +1,7 @@
 """Analysis of the samples of a log for its certificate: budget, convergence of the sigmas, and residuals at rest."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from calstation.jobs import ProgressCallback
 from calstation.judgement import judge
 from calstation.messages import Text, entry, event_text, known, values_from_json
 from calstation.physics import FloatArray
-from calstation.records import Log, LogMeta, UnusedSamples
+from calstation.records import Log, LogMeta, UnusedSamples, completed_rounds
 from calstation.reports.budget import Budget, solve_again, uncertainty_budget
 from calstation.reports.source import ROUNDING
 from calstation.results import (
@@ -46,6 +46,8 @@ class Analysis:
     temperature: Temperature | None
     warnings: tuple[Text, ...]  #: Warnings during the run, from the events of the log.
     identified: Mapping[str, str]  #: Names and serial numbers reported by the table and the IMU; empty if unknown.
+    #: Number of completed rounds of every stage whose motion ended after one, from the events of the log.
+    rounds: Mapping[str, int] = field(default_factory=dict)
 
 
 class _SigmaRecorder:
@@ -128,6 +130,7 @@ def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
         recorder.temperature(),
         tuple(_warnings(log)),
         next((e["values"] for e in log.events if e.get("event") == "Message" and e.get("id") == "identified"), {}),
+        completed_rounds(log.events),
     )
 
 

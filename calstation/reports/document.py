@@ -325,6 +325,7 @@ class _Document:
         consistency = self._result.consistency.get(stage)
         names = set(method(stage).estimates(context_from_meta(self._meta)))
         code = f"certificate.stage_{stage}"
+        rounds = self._analysis.rounds.get(stage)
         tested = consistency is not None and consistency.passed is not None
         by_hand = (Text("certificate.stage_ended_by_hand"),) * (stage in self._result.ended_by_hand)
         return {
@@ -339,7 +340,7 @@ class _Document:
             "schedule": [
                 in_certificate_terms(entry)
                 for entry in (
-                    *schedule_words(stage, self._meta.schedule.get(stage, {}), self._language),
+                    *schedule_words(stage, self._meta.schedule.get(stage, {}), self._language, rounds),
                     *map(self._say, by_hand),
                 )
             ],

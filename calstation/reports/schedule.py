@@ -5,15 +5,25 @@ from collections.abc import Iterator, Mapping
 from pydantic import JsonValue
 
 from calstation.config import schedule_fields
-from calstation.messages import Language, parameter_name, plain_number, schedule_name
+from calstation.messages import Language, Text, parameter_name, plain_number, render, schedule_name
 from calstation.physics import unit_of_parameter
 
 #: Kinds of entries that are shown; lists of moves are only in the product file.
 _SHOWN = ("number", "count", "flag", "choice", "targets")
 
 
-def schedule_words(stage: str, values: Mapping[str, JsonValue], language: Language) -> Iterator[str]:
-    """Yield the entries of the schedule of a stage, with names in a language and in display units."""
+def schedule_words(
+    stage: str, values: Mapping[str, JsonValue], language: Language, rounds: int | None = None
+) -> Iterator[str]:
+    """Yield the entries of the schedule of a stage in display units.
+
+    Parameters
+    ----------
+    stage : name of the stage
+    values : schedule in the log
+    language : language of the names
+    rounds : number of completed rounds, which is shown before the planned number if it is smaller; None if unknown
+    """
     for spec in schedule_fields(stage):
         if spec.kind not in _SHOWN:
             continue
@@ -25,6 +35,9 @@ def schedule_words(stage: str, values: Mapping[str, JsonValue], language: Langua
                 yield f"{name}: {', '.join(_target(each, sigma, language) for each, sigma in targets.items())}"
             case str() as chosen:
                 yield f"{name} {chosen.replace('_', ' ')}"
+            case int() as planned if spec.name == "rounds" and rounds is not None and not 0 < planned <= rounds:
+                text = Text.of("certificate.rounds_made", name=name, count=rounds, planned=planned)
+                yield render(text.code, text.values, language).text if planned else f"{name} {rounds}"
             case int() | float() as number if number is not False:
                 yield f"{name} {number:g} {spec.unit}".rstrip()
 

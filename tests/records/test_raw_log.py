@@ -21,7 +21,7 @@ from records_samples import assert_same, joined, make_block
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import SampleBlock
 from calstation.messages import Text
-from calstation.records import LogMeta, RawLogWriter, being_written, open_log, stages_ended_by_hand
+from calstation.records import LogMeta, RawLogWriter, being_written, completed_rounds, open_log, stages_ended_by_hand
 from calstation.records.raw import raw_log
 from calstation.records.raw.raw_log import row_checks
 from calstation.records.raw.raw_read import raw_blocks
@@ -504,3 +504,4 @@ def test_stage_is_ended_by_hand_if_its_schedule_was_not_complete(
 ) -> None:
     events = [{"event": "StageEnded", "stage": "rate", "reason": reason, "rounds": 1}]
     assert stages_ended_by_hand(events, {"rate": schedule}) == (("rate",) if by_hand else ())
+    assert completed_rounds(events) == ({} if reason == "plan" else {"rate": 1})

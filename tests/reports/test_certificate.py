@@ -236,6 +236,18 @@ def test_a_stage_ended_by_hand_is_a_deviation_from_the_method(made: Made) -> Non
     assert "advice.ended_by_hand" not in codes
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("made", ["passed"], indirect=True)
+def test_number_of_completed_rounds_in_the_log_is_stated(made: Made) -> None:
+    schedule = made.certificate.meta.schedule
+    planned = {stage: values["rounds"] for stage, values in schedule.items() if values.get("rounds")}
+    assert planned
+    assert {stage: made.analysis.rounds[stage] for stage in planned} == planned
+    fewer = replace(made.analysis, rounds=dict.fromkeys(planned, 0))
+    entries = [text for stage in document(made.certificate, fewer, "en")["stages"] for text in stage["schedule"]]
+    assert [text for text in entries if "0 (planned: at most" in text]
+
+
 @pytest.mark.parametrize(("language", "words"), [("en", "gyro bias x, sigma: "), ("zh_CN", "陀螺零偏 x 标准差：")])
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
 def test_the_cause_of_a_failed_check_is_stated_with_its_name_in_words(

@@ -76,3 +76,19 @@ def test_calibration_ends_at_the_time_of_the_computer_or_else_after_its_device_t
 def test_target_sigmas_have_units_for_parameters_and_groups(language: Language, words: str) -> None:
     targets = {"accel_bias_x": 80.0 * DISPLAY["accel_bias"][1], "gyro_bias": 3.0 * DEGREE_PER_HOUR}
     assert words in schedule_words("excitation", {"targets": targets}, language)
+
+
+@pytest.mark.parametrize(
+    ("stage", "planned", "made", "english", "chinese"),
+    [
+        ("designed", 22, 12, "Moves 12 (planned: at most 22)", "转动次数 12（计划最多 22）"),
+        ("designed", 22, 22, "Moves 22", "转动次数 22"),
+        ("designed", 22, None, "Moves 22", "转动次数 22"),
+        ("excitation", 0, 3, "Rounds 3", "轮数 3"),
+    ],
+)
+def test_number_of_moves_that_were_made_is_stated(
+    stage: str, planned: int, made: int | None, english: str, chinese: str
+) -> None:
+    assert list(schedule_words(stage, {"rounds": planned}, "en", made)) == [english]
+    assert list(schedule_words(stage, {"rounds": planned}, "zh_CN", made)) == [chinese]

@@ -10,6 +10,7 @@ from calstation.records.raw.raw_read import (
     being_written,
     can_be_resumed,
     completed_points,
+    completed_rounds,
     last_result,
     open_raw,
     raw_rows,

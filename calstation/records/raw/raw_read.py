@@ -133,6 +133,12 @@ def stages_ended_by_hand(
     )
 
 
+def completed_rounds(events: Iterable[Mapping[str, Any]]) -> dict[str, int]:
+    """Return the number of completed rounds, by stage, of the stages whose motion ended after a round."""
+    ends = [event for event in events if event.get("event") == "StageEnded" and event.get("reason") != "plan"]
+    return {event["stage"]: event["rounds"] for event in ends if "rounds" in event}
+
+
 def step_labels(events: Iterable[Mapping[str, Any]]) -> dict[int, tuple[str | float, ...]]:
     """Return the labels of the moves by step number, according to the events of a log."""
     return {e["step"]: tuple(e["label"]) for e in events if e.get("event") == "StepStarted" and e.get("label")}
