@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from calstation.config import library
 from calstation.physics import NAMES
 from calstation.quality import StudyState
 from tests.cli.conftest import Done
@@ -204,3 +205,15 @@ def test_gauge_study_names_parameters_whose_ranges_are_not_in_control(
     assert "gyro_bias_y: Ranges beyond the control limits: 2." in calstation(*study).out
     rows = calstation(*study, "--json", "-").json["parameters"]
     assert [name for name, row in rows.items() if row["ranges_beyond"]] == ["gyro_bias_y"]
+
+
+@pytest.mark.parametrize(
+    ("code", "words"), [("en", "Station 'virtual bench'; choose"), ("zh_CN", "工位“virtual bench”；用 --station")]
+)
+def test_standards_name_the_station_that_was_not_given(
+    calstation: Run, folder: Path, monkeypatch: pytest.MonkeyPatch, code: str, words: str
+) -> None:
+    monkeypatch.setattr("calstation.cli.text.LANGUAGE", code)
+    assert words in calstation("quality", "standards", "--out", folder).out
+    station = library.find("stations", "virtual_bench")
+    assert words not in calstation("quality", "standards", "--out", folder, "--station", station).out

@@ -320,7 +320,8 @@ def standards(
         "certificates": [_due_row(due) for due in overdue],
         "table": {name: _chart_row(chart) for name, chart in charts.items()},
     }
-    lines = [
+    lines = [] if station else [say("cli.default_station", station=station_config.name)]
+    lines += [
         line
         for state, power in zip(states, powers, strict=True)
         for line in (_state_line(state), *_power_lines(state.standard.serial, power))
