@@ -219,6 +219,7 @@ class _IssueButton(_DocumentButton):
     def __init__(self, app: AppContext, name: str, notice: NoticeBar, then: Callable[[], None]) -> None:
         super().__init__(app, name, notice, then)
         self._source: Path | list[Path] | None = None
+        self._asked: Path | list[Path] | None = None  #: Source for which the button was pressed last.
         self.panel = PeoplePanel(name)
 
     def _connect(self, title: str, state_watch: JobWatch, watch: JobWatch) -> None:
@@ -233,7 +234,7 @@ class _IssueButton(_DocumentButton):
         bind(self, self._text)
 
     def _text(self) -> str:
-        job = self.watch.job
+        job = self.watch.job if self._asked == self._source else None
         return say(self._title) if job is None else say("operator.certificate_progress", percent=100 * job.fraction)
 
     def _show_busy(self) -> None:
@@ -250,6 +251,7 @@ class _IssueButton(_DocumentButton):
 
     def _ask(self) -> None:
         self.panel.hide()
+        self._asked = self._source
         self._state_watch.start(self._source, self._app.station_path, language.current())
 
     def _by(self, required: ConfirmationRequired) -> str:
@@ -287,6 +289,7 @@ class CertificateButton(_IssueButton):
         if result_file != self._source:
             self.panel.hide()
         self._source = result_file
+        self._show_busy()
         self.setVisible(result is not None and result_file is not None and bool(result.parameters))
 
     def _begin(self, state: IssueState) -> None:
