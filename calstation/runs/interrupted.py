@@ -224,7 +224,7 @@ def _reason(history: History, serial: str, batch: Sequence[RunRecord]) -> str:
     begun = min(record.started_utc for record in batch)
     for run in history.of(serial):
         if run.started_utc >= begun and (run.verdict.judged or run.closed):
-            return "closed" if run.closed else "judged"
+            return "closed" if run.closed else run.verdict.value
     record = next((record for record in batch if record.serial == serial), None)
     reason = "nothing_completed" if record is None else as_resumable(record)
     return reason if isinstance(reason, str) else "repeated"

@@ -28,7 +28,7 @@ from calstation.records import (
     open_log,
     solved_stages,
 )
-from calstation.registers import registers_changed
+from calstation.registers import open_transfer, registers_changed
 from calstation.results import History, StageChain, stored_result
 from calstation.sequencer import Event, LastSample, Message, PointCompleted, solution_events, to_json
 from procedures import method
@@ -158,9 +158,20 @@ def registers_written(meta: LogMeta, runs: Path) -> bool:
     """
     if meta.run is not None:
         with suppress(ConfigurationError):
-            folder = runs if meta.is_simulated else site_folder()
-            return registers_changed(folder, meta.imu.serial, meta.run.started_utc)
+            return registers_changed(_journals(meta, runs), meta.imu.serial, meta.run.started_utc)
     return False
+
+
+def registers_unverified(meta: LogMeta, runs: Path) -> bool:
+    """Return whether the registers of the unit of a log were written and neither verified nor restored."""
+    with suppress(ConfigurationError):
+        return open_transfer(_journals(meta, runs), meta.imu.serial) is not None
+    return False
+
+
+def _journals(meta: LogMeta, runs: Path) -> Path:
+    """Return the folder with the journal of the unit of a log."""
+    return runs if meta.is_simulated else site_folder()
 
 
 def resumable_after(event: Event, before: bool) -> bool:
@@ -176,7 +187,7 @@ def as_resumable(record: RunRecord) -> Resumable | str:
     The reason is a term of the catalogue family ``not_resumed``.
     """
     if record.verdict.judged or record.closed:
-        return "closed" if record.closed else "judged"
+        return "closed" if record.closed else record.verdict.value
     if not (record.stages or record.resumable):
         return "nothing_completed"
     try:
@@ -187,7 +198,8 @@ def as_resumable(record: RunRecord) -> Resumable | str:
         return "unreadable"
     written = result is not None and result.registers is not None and result.registers.new is not None
     if written or registers_written(log.meta, log.path.parent):
-        return "registers_written"  # the remaining samples would be those of a different unit
+        # the remaining samples would be those of a different unit
+        return "registers_unverified" if registers_unverified(log.meta, log.path.parent) else "registers_written"
     if result is not None and not latitude_agrees(result.checks):
         return "other_latitude"
     run = log.meta.run

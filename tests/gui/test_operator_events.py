@@ -330,6 +330,7 @@ def test_notice_at_the_start_names_waiting_results_and_unverified_registers(
     if occupied:
         operator.run.set_elsewhere(((SERIAL,), "running"))
     delivery = Delivery(Path("share"), 0, 2, Text.of("handover.no_answer", seconds=5.0))
+    write_open_transfer(operator.window.app.runs_folder, "SN-7", *WRITTEN)
     interrupted._recovery.done.emit(StartupRecovery((), delivery, ("SN-7",)))
     notice = operator.says()
     assert waiting in notice

@@ -20,6 +20,7 @@ from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.text import product_text
 from calstation.records import Verdict
 from calstation.results import History
+from calstation.runs import finish_incomplete
 from calstation.sequencer import (
     Fault,
     Finalized,
@@ -772,6 +773,54 @@ def test_interrupted_batch_is_resumed_together_from_its_page(operator: Operator,
     operator.until_no_job()
     closed = [json.loads(log.with_suffix(".json").read_text("utf-8")).get("closed_utc") for log in logs]
     assert [each is not None for each in closed] == [True, False, True]
+
+
+def write_killed_batch(operator: Operator) -> None:
+    """Write a batch that was killed: registers of unit 1 written but not verified, unit 2 failed, 3 and 4 resumable."""
+    runs, units = operator.window.app.runs_folder, [f"SN-00000{slot}" for slot in "1234"]
+    run = {"batch": "B-7", "batch_units": units, "station": "test bench", "seed": 5}
+    logs = [write_dead_log(runs, serial, slot=serial[-1], **run) for serial in units]
+    write_open_transfer(runs, units[0], *WRITTEN)
+    finish_incomplete(runs)
+    file = logs[1].with_suffix(".json")
+    file.write_text(json.dumps({**json.loads(file.read_text("utf-8")), "outcome": "failed"}), "utf-8")
+    logs[1].unlink()
+
+
+@pytest.mark.parametrize(
+    ("language", "others", "left"),
+    [
+        ("en", ("SN-000001 (registers written, not verified)", "SN-000002 (verdict FAIL)"), "Registers not verified: "),
+        ("zh_CN", ("SN-000001（寄存器已写入，尚未验证）", "SN-000002（结论：不合格）"), "寄存器尚未验证："),
+    ],
+)
+@pytest.mark.parametrize("answer", ["later", "resume"])
+def test_units_that_a_power_failure_left_are_named_in_the_question_and_after_it(
+    operator: Operator, started: list[RunRequest], language: str, others: tuple[str, str], left: str, answer: str
+) -> None:
+    use_slots(operator, 4)
+    operator.window.app.set_language(language)
+    write_killed_batch(operator)
+    operator.window.operator_page._starting.interrupted.recover()
+    operator.until(lambda: "3: SN-000003" in operator.says())
+    operator.until_no_job()
+    assert all(text in operator.says() for text in others)
+    operator.press(f"{answer}_choice")
+    if answer == "resume":
+        (request,) = started
+        link = operator.window.app.engine_link
+        link.request, link._engine = request, Mock()
+        link.running_changed.emit(True)
+        link.event.emit(StateChanged("running", "preparing"))
+        operator.qtbot.wait(20)
+        assert left not in operator.says()
+        for slot in ("3", "4"):
+            end_unit(operator, slot, "passed")
+        link._end()
+    operator.until(lambda: f"{left}SN-000001" in operator.says())
+    operator.scan("SN-000105")
+    operator.qtbot.wait(20)
+    assert left not in operator.says(), "it has been read"
 
 
 @pytest.mark.long

@@ -77,7 +77,7 @@ def test_units_that_did_not_get_as_far_are_named(site_folder: SiteFolder) -> Non
     assert offered(site_folder) == [(list(SERIALS[:2]), {SERIALS[2]: "nothing_completed"})]
 
 
-def test_units_that_passed_since_have_this_reason(site_folder: SiteFolder) -> None:
+def test_units_that_have_passed_since_are_named_with_this_verdict(site_folder: SiteFolder) -> None:
     """Whatever their runs in the batch had completed."""
     site_folder.write(units=3)
     write_batch(site_folder, {"1": 0, "2": 2, "3": 1})
@@ -88,7 +88,7 @@ def test_units_that_passed_since_have_this_reason(site_folder: SiteFolder) -> No
         file.write_text(json.dumps({**json.loads(file.read_text("utf-8")), "outcome": "passed"}), "utf-8")
         log.unlink()
     History(site_folder.runs).refresh()
-    assert offered(site_folder) == [([SERIALS[2]], dict.fromkeys(SERIALS[:2], "judged"))]
+    assert offered(site_folder) == [([SERIALS[2]], dict.fromkeys(SERIALS[:2], "passed"))]
 
 
 UNIT = SERIALS[0]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection
 from contextlib import suppress
 from pathlib import Path
 
-from PySide6.QtCore import QObject
+from PySide6.QtCore import QObject, QTimer
 
 from calstation.config import load_station
 from calstation.errors import CalstationError
@@ -14,6 +14,7 @@ from calstation.gui.state import AppContext
 from calstation.gui.text import rendered
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
+from calstation.registers import journal_folder, open_transfer
 from calstation.results import Delivery
 from calstation.runs import (
     Interrupted,
@@ -49,10 +50,15 @@ class InterruptedRuns(QObject):
         self._closing = app.job(self, close_incomplete_job, self._closed)
         self._recovering = False  #: Whether `recover` has been called.
         self._first = False  #: Whether the first search after `recover` has not ended yet.
-        #: Units with unverified registers, until a notice has named them.
+        #: Units with unverified registers and outcome of the delivery of results at startup, until `forget_recovery`.
         self._unverified: tuple[str, ...] = ()
-        #: Outcome of the delivery of results at startup, until it has been shown.
         self._delivery: Delivery | None = None
+        self._shown = False  #: Whether a notice has shown them and neither a question nor a run has replaced it.
+        #: Timer for one turn of the event loop, in which another question or a run may follow an answer.
+        self._after_notice = QTimer(self, singleShot=True, interval=0)
+        self._after_notice.timeout.connect(self._notice_changed)
+        for changed in (notice.changed, app.engine_link.running_changed):
+            changed.connect(self._after_notice.start)
         #: Start of the run that left the chamber at an unknown temperature; "" for none.
         self._left = ""
         self._chamber = app.job(self, find_chamber_left, self._chamber_found, failed=self._chamber_not_found)
@@ -131,20 +137,41 @@ class InterruptedRuns(QObject):
         self._delivery, self._unverified = done.delivery, done.unverified
         self._show_recovery()
 
+    def _notice_changed(self) -> None:
+        """Show the notice after the startup again when the question or the run that replaced it has ended."""
+        if self._notice.asking or self._app.engine_link.running:
+            self._shown = False
+        elif self._notice.isHidden() and not self._search.busy:
+            self._show_recovery()
+
+    def forget_recovery(self) -> None:
+        """Forget what the notice after the startup said if it has been shown, because the user continues."""
+        if self._shown:
+            self._delivery, self._unverified, self._shown = None, (), False
+
+    def has_open_transfer(self, serial: str) -> bool:
+        """Return whether registers were written to a unit and neither verified nor restored."""
+        with suppress(CalstationError):  # START shows an error in the journal
+            folder = journal_folder(load_station(self._app.station_path)[1], self._app.runs_folder)
+            return open_transfer(folder, serial) is not None
+        return False
+
     def _show_recovery(self) -> None:
-        """Show the units with unverified registers and why results were not delivered, when no question is open.
+        """Show the units with unverified registers and why results were not delivered, unless a question or fault is.
 
         Another program that uses the station may be writing the registers now.
         """
-        if self._first or self._notice.asking or self._app.engine_link.running:
+        run = self._app.run
+        if self._first or self._notice.asking or self._app.engine_link.running or run.fault is not None:
             return
-        delivery, unverified = self._delivery, () if self._app.run.occupied is not None else self._unverified
-        self._delivery, self._unverified = None, ()
+        delivery = self._delivery
+        unverified = list(filter(self.has_open_transfer, () if run.occupied is not None else self._unverified))
         notices = [Text.of("question.registers_left", serials=unverified)] if unverified else []
         if delivery is not None and delivery.waiting:
             values = {"count": delivery.waiting, "folder": str(delivery.folder), "reason": delivery.reason}
             notices.append(Text("event.handover_waiting", values))
         if notices:
+            self._shown = True
             first, *others = notices
             self._notice.ask("caution", lambda: rendered(first).text, lambda: _remedy(first, others))
 

@@ -462,7 +462,7 @@ class OperatorPage(Page):
         """Ask about the open transfer of the displayed unit after the engine has ended."""
         run, request = self.app.run, self.app.engine_link.request
         may_ask = self._unit_opened and run.ended and not (run.why_not_start or self.notice.asking)
-        if may_ask and request is not None and self._starting.has_open_transfer(run.unit.serial):
+        if may_ask and request is not None and self._starting.interrupted.has_open_transfer(run.unit.serial):
             self._starting.ask_transfer(request, run.unit.serial)
 
     def _message_text(self, answer: str = "operator.answer_first") -> str:

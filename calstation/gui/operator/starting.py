@@ -10,7 +10,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QTimer
 
-from calstation.config import RunRequest, load_station, virtual_serials
+from calstation.config import RunRequest, virtual_serials
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.interrupted import InterruptedRuns
@@ -20,7 +20,6 @@ from calstation.gui.text import fault_text, on_language_change, rendered, say, t
 from calstation.gui.widgets import NoticeBar
 from calstation.messages import Text
 from calstation.records import Verdict
-from calstation.registers import journal_folder, open_transfer
 from calstation.results import History
 from calstation.runs import Interrupted, RunSummary, product_of, resumable_run
 from calstation.sound import play
@@ -160,7 +159,7 @@ class RunStarter(QObject):
         """
         run, request = self._app.run, self._app.engine_link.request
         units = [unit for unit in run.units if unit.unfinished]
-        undecided = [unit for unit in run.units if self.has_open_transfer(unit.serial)]
+        undecided = [unit for unit in run.units if self.interrupted.has_open_transfer(unit.serial)]
         if undecided and request is not None:
             apart = [unit for unit in undecided if unit not in units][:1]
             self.ask_transfer(request, *(unit.serial for unit in apart or units))
@@ -251,19 +250,15 @@ class RunStarter(QObject):
         """If other units are scanned, warn that units of the last run have unverified registers."""
         scanned = self._header.serial, *self.slots.units
         left = [unit.serial for unit in self._app.run.units if unit.serial not in scanned]
-        if undecided := list(filter(self.has_open_transfer, left)):
+        if undecided := list(filter(self.interrupted.has_open_transfer, left)):
             ask(self._notice, "caution", Text.of("question.registers_left", serials=undecided), {})
 
     def _interrupted(self, serial: str, station: str) -> bool:
         """Return whether START asks about an interrupted run of a unit, or about its registers."""
-        return self.has_open_transfer(serial) or resumable_run(self._app.history(), serial, station) is not None
-
-    def has_open_transfer(self, serial: str) -> bool:
-        """Return whether registers were written to a unit and neither verified nor restored."""
-        with suppress(CalstationError):  # START shows an error in the journal
-            folder = journal_folder(load_station(self._app.station_path)[1], self._app.runs_folder)
-            return open_transfer(folder, serial) is not None
-        return False
+        return (
+            self.interrupted.has_open_transfer(serial)
+            or resumable_run(self._app.history(), serial, station) is not None
+        )
 
     @property
     def overdue(self) -> tuple[Text, ...]:
@@ -367,6 +362,7 @@ class RunStarter(QObject):
     def edited(self) -> None:
         """Remove a notice or question about units after the field or the slots have been edited."""
         self.refused, self._suggested, self._scanned_early = None, "", False
+        self.interrupted.forget_recovery()
         self._note_next()
         if self.run_summary is not None and not self._app.run.in_progress:
             self._notice.dismiss()
