@@ -15,6 +15,7 @@ from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QListW
 from calstation.config import RunRequest, library
 from calstation.connection import TableReset
 from calstation.errors import DeviceFaultError, InputError
+from calstation.escaping import for_file_name
 from calstation.gui.operator.live.live_view import Preparation
 from calstation.gui.operator.questions import closing_notice
 from calstation.gui.state import AppContext, RunStrip, TableNotice
@@ -857,14 +858,24 @@ def test_two_numbers_in_one_scan_are_recognised(operator: Operator, pattern: str
 
 
 @pytest.mark.parametrize("pattern", [r"SN-\d{6}", ".*"])
-def test_scan_of_a_label_enters_its_serial_number(operator: Operator, pattern: str) -> None:
+@pytest.mark.parametrize("slot", ["", "A1_", "x_20261123T_-.y_"])  # the last is as long as a name may be
+def test_scan_of_a_label_enters_its_serial_number(operator: Operator, pattern: str, slot: str) -> None:
     operator.site_folder.write({"serial_pattern": pattern})
     operator.window.app.product_changed.emit()
-    code = "SN-000020 SN-000020_20261123T063000123456"
+    code = f"SN-000020 SN-000020_{slot}20261123T063000123456"
     assert scan_after_click(operator, "serial_edit", code).text() == "SN-000020"
     assert "accepted" in operator.says()
     operator.window.show_page("engineer_page")
     assert scan_after_click(operator, "engineer_serial_edit", code).text() == "SN-000020"
+
+
+@pytest.mark.parametrize("serial", ["SN_20/A", "SN 20", "SN-0123456789-0123456789-0123456789"])
+def test_label_of_a_number_with_characters_that_no_file_name_has_is_recognised(operator: Operator, serial: str) -> None:
+    """The certificate number is the name of the log."""
+    operator.site_folder.write({"serial_pattern": ".*"})
+    operator.window.app.product_changed.emit()
+    code = f"{serial} {for_file_name(serial)}_Turntable-upr-01_20261123T063000123456"
+    assert scan_after_click(operator, "serial_edit", code).text() == serial
 
 
 def test_two_numbers_in_one_are_refused_on_the_engineer_page(operator: Operator) -> None:

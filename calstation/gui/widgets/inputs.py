@@ -8,6 +8,7 @@ from PySide6.QtCore import QLocale, QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QMouseEvent, QPaintEvent, QShowEvent, QValidator, QWheelEvent
 from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QComboBox, QDoubleSpinBox, QLineEdit, QWidget
 
+from calstation.escaping import for_file_name
 from calstation.gui.text import on_language_change, with_minus, without_minus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.layout import row
@@ -38,8 +39,8 @@ class TextEdit(QLineEdit):
 _MIN_NUMBER = 3
 #: Minimum length of a number whose repetition counts as two scans even if the whole text is a valid number.
 _MIN_REPEATED = 6
-#: Content of the code of a label: the serial number and, after a space, the certificate number, which begins with it.
-_LABEL = re.compile(r"(?P<serial>.+) (?P=serial)_\d{8}T")
+#: End of the certificate number on a label after the serial number: the slot of a unit of a batch, and the time.
+_AFTER_SERIAL = re.compile(r"_(.+_)?\d{8}T")
 
 
 class ScanEdit(QLineEdit):
@@ -48,7 +49,7 @@ class ScanEdit(QLineEdit):
     The scan of a label, which contains the serial number and the certificate number, enters the serial number.
     """
 
-    def __init__(self, name: str, *, longest: int = 80) -> None:
+    def __init__(self, name: str, *, longest: int = 160) -> None:
         super().__init__()
         self.setObjectName(name)
         self.setMaxLength(longest)
@@ -87,8 +88,8 @@ class ScanEdit(QLineEdit):
             self.selectAll()
 
     def _extract_number(self) -> None:
-        if label := _LABEL.match(self.text().strip()):
-            self.setText(label["serial"])
+        if serial := _serial_on_label(self.text().strip()):
+            self.setText(serial)
 
     def _note_edit(self, _: str) -> None:
         self._edited = True
@@ -99,6 +100,21 @@ class ScanEdit(QLineEdit):
             self.keep()
         elif not (text.startswith(self._number) or text.endswith(self._number)):
             self._number = ""
+
+
+def _serial_on_label(content: str) -> str:
+    """Return the serial number in the content of the code of a label, or "" if the text is not from a label.
+
+    It is followed by a space and the certificate number, the name of the log, which begins with the serial number.
+    """
+    words = content.split(" ")
+    pairs = [(" ".join(words[:at]), " ".join(words[at:])) for at in range(1, len(words))]
+    return next((serial for serial, number in pairs if _is_certificate(number, serial)), "")
+
+
+def _is_certificate(number: str, serial: str) -> bool:
+    name = for_file_name(serial)
+    return number.startswith(name) and _AFTER_SERIAL.match(number, len(name)) is not None
 
 
 class NumberEdit(TextEdit):
