@@ -610,6 +610,27 @@ def test_table_is_drawn_with_the_axes_of_the_selected_unit(operator: Operator, m
     operator.until(lambda: np.allclose(drawn[-1], turned))
 
 
+@pytest.mark.parametrize(
+    ("language", "reason"), [("en", "the table was not commanded"), ("zh_CN", "没有向转台发出指令")]
+)
+def test_batch_stopped_while_connecting_says_that_the_table_was_not_commanded(
+    operator: Operator, language: str, reason: str
+) -> None:
+    use_slots(operator, 2)
+    operator.window.app.set_language(language)
+    app, link = operator.window.app, operator.window.app.engine_link
+    link.request = RunRequest("SN-000001", app.station_path, app.product_path, serials=("SN-000001", "SN-000002"))
+    link._engine = Mock()
+    link.running_changed.emit(True)
+    operator.press("stop_button")
+    link.event.emit(StateChanged("stopped", "idle"))
+    for slot in ("1", "2"):
+        end_unit(operator, slot, "stopped")
+    link._end()
+    for slot in ("1", "2"):
+        assert reason in tile(operator, f"unit_{slot}_verdict").accessibleName()
+
+
 @pytest.mark.long
 def test_stop_ends_all_units(operator: Operator) -> None:
     use_slots(operator, 2)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from calstation.errors import CalstationError
+from calstation.gui.state import RunStatus
 from calstation.gui.text import (
     about,
     check_name,
@@ -46,8 +47,8 @@ class Figure:
     about: str = ""  #: What is compared, for a tooltip.
 
 
-def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str:
-    """Return the reason for an outcome; `stopped` is the term of the family ``advice`` for a stopped run."""
+def reason(outcome: str, result: Result | None, run: RunStatus | None = None) -> str:
+    """Return the reason for an outcome; `run` is the run that has just ended, whose table may not have been moved."""
     checks = [] if result is None else result.checks
     if outcome in ("passed", "partial"):
         unjudged = [] if result is None else result.unjudged
@@ -55,7 +56,11 @@ def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str
         passed = say(f"advice.{code}", stages=[] if result is None else result.stages, names=unjudged)
         return joined(passed, _near(checks), language.current())
     if outcome != "failed":
-        return say(f"advice.{stopped}" if outcome == "stopped" else "advice.incomplete")
+        if outcome != "stopped":
+            return say("advice.incomplete")
+        if run is not None and run.by_hand:
+            return say("advice.stopped_manual")
+        return say("advice.stopped_connecting" if run is not None and not run.commanded else "advice.stopped")
     failed = [check for check in checks if not check.passed]
     if not failed or result is None:
         return say("advice.no_stage")

@@ -287,7 +287,7 @@ class VerdictPanel(QFrame):
         self.details_button.setVisible(self._finalized is not None)
         misconfigured = fault is not None and known(fault.code) and entry(fault.code).source == "configuration"
         self._station_button.setVisible(misconfigured)
-        reason = advice.reason(state, result, self._stopped_code()) if text is None else text.text
+        reason = advice.reason(state, result, self._run) if text is None else text.text
         if run.fault is not None and run.table_stopped:
             reason = joined(reason, say("operator.message_table_stopped"), language.current())
         self.reason_label.setText(reason)
@@ -329,12 +329,6 @@ class VerdictPanel(QFrame):
         """
         request = self._app.engine_link.request
         return None if request is None else LinkTestRequest(load_station(request.station)[1], request.product)
-
-    def _stopped_code(self) -> str:
-        """Return the term of the family ``advice`` for the state of the table after a stopped run."""
-        if self._run.by_hand:
-            return "stopped_manual"
-        return "stopped" if self._run.commanded else "stopped_connecting"
 
     def _fact_texts(self) -> list[str]:
         result = self._run.unit.result

@@ -12,7 +12,7 @@ from calstation.gui.operator import advice
 from calstation.gui.operator.production import CertificatesButton, LabelButton, UnprintedNotice, label_void
 from calstation.gui.operator.units.banner import Banner
 from calstation.gui.operator.units.tiles import COLUMNS, Tile, arrange_in_slots, pass_clicks, slot_text
-from calstation.gui.state import LEAVING, AppContext, UnitStatus, run_badge
+from calstation.gui.state import LEAVING, AppContext, RunStatus, UnitStatus, run_badge
 from calstation.gui.text import fault_text, say, term
 from calstation.gui.widgets import (
     PANEL,
@@ -62,12 +62,13 @@ class _VerdictTile(Tile):
         column((self._banner, 4), texts, None, on=self, spacing=0, margins=(2, 2, 2, 2))
         pass_clicks(self._banner, self._serial, self.reason, self._action)
 
-    def show_verdict(self, state: str, *, label_void: bool) -> None:
+    def show_verdict(self, run: RunStatus, *, label_void: bool) -> None:
         """Show the final state of the unit, the reason, the next action, and whether its old label is void."""
         unit = self.unit
+        state = run.final_state_of(unit)
         outcome = "failed" if state == "released" else state
         brief = advice.brief_reason(outcome, unit.result), advice.brief_action(outcome, unit.result)
-        whole = advice.reason(outcome, unit.result), advice.next_action(outcome, unit.result, in_batch=True)
+        whole = advice.reason(outcome, unit.result, run), advice.next_action(outcome, unit.result, in_batch=True)
         if state == "released":
             brief, whole = (brief[0], say("advice.released")), (whole[0], say("advice.released"))
         if unit.unverified:
@@ -225,7 +226,7 @@ class VerdictGrid(QFrame):
             self._again.setVisible(bool(repeatable))
             for tile in self._tiles:
                 void = label_void(self._app, tile.unit)
-                tile.show_verdict(self._run.final_state_of(tile.unit), label_void=void)
+                tile.show_verdict(self._run, label_void=void)
             brief = [tile.reason for tile in self._tiles if not tile.roomy]
             height = max((reason.sizeHint().height() for reason in brief), default=0)
             for reason in brief:  # all banners must have the same height
