@@ -173,6 +173,31 @@ def test_failed_units_are_calibrated_again_in_their_slots(operator: Operator, st
 
 @pytest.mark.long
 def test_only_units_that_are_not_set_aside_are_offered_again(operator: Operator, started: list[RunRequest]) -> None:
+@pytest.mark.parametrize(("language", "left_out"), [("en", "not in this run"), ("zh_CN", "不参加本次标定")])
+def test_slots_that_are_left_out_stay_so_after_a_badge(operator: Operator, language: str, left_out: str) -> None:
+    operator.site_folder.write(station={"sign_in": {"badge_pattern": r"B\d{4}"}}, units=3)
+    operator.window.app.set_station(operator.site_folder.station)
+    operator.window.app.set_language(language)
+    operator.window.operator_page.header.badge_field.sign_in("B1234")
+    operator.until_no_job()
+    begin(operator)
+    end(operator, failed=("2",))
+    operator.press("again_button")
+    assert serials(operator) == ("", "SN-000002", "")
+    operator.scan("B5678")
+    operator.until_no_job()
+    assert operator.window.app.badge == "B5678"
+    assert serials(operator) == ("", "SN-000002", "")
+    assert left_out in tile(operator, "slot_3_tile").accessibleName()
+    click(operator, "slot_3_tile")
+    operator.scan("SN-000077")
+    assert serials(operator) == ("", "SN-000002", "SN-000077")
+    click(operator, "slot_1_tile")
+    for _ in range(2):  # stays empty, then in use
+        operator.press("slot_1_button")
+    assert left_out not in tile(operator, "slot_1_tile").accessibleName()
+
+
     use_slots(operator, 4)
     begin(operator)
     for slot, advised in (("1", "set_aside"), ("2", "repeat"), ("3", "set_aside"), ("4", "reseat")):

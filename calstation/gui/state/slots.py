@@ -162,7 +162,7 @@ class Slots(QObject):
 
     def set_skipped(self, slot: Slot, *, skipped: bool) -> None:
         """Set whether scans skip an empty slot; a skipped slot no longer contains its last unit."""
-        slot.skipped = skipped
+        slot.skipped, slot.left_out = skipped, False
         if skipped:
             slot.last = None
         self._chosen = None
@@ -182,16 +182,16 @@ class Slots(QObject):
         self.changed.emit()
 
     def forget_last(self) -> None:
-        """Forget the last units of all slots."""
+        """Forget the last units of all slots, also those that are left out."""
         for slot in self._slots:
-            slot.last = None
+            slot.last, slot.left_out = None, False
         self.changed.emit()
 
     def remove_units(self, *, only_suggested: bool = False) -> None:
-        """Remove all units and stop skipping slots, or remove only suggested units."""
+        """Remove all units and stop skipping or leaving out slots, or remove only suggested units."""
         for slot in self._slots:
             if slot.suggested or not only_suggested:
                 slot.serial, slot.suggested = "", False
-            slot.left_out, slot.skipped = False, slot.skipped and only_suggested
+            slot.left_out, slot.skipped = slot.left_out and only_suggested, slot.skipped and only_suggested
         self._chosen = None
         self.changed.emit()
