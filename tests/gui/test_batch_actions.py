@@ -1,5 +1,6 @@
 """A batch keeps the places of its slots, and labels, certificates and new runs apply to several units at once."""
 
+import json
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,6 +20,7 @@ from calstation.jobs import ProgressCallback
 from calstation.messages import Language, Text
 from calstation.records import Verdict
 from calstation.reports import IssueState, PrintedLabels, ReportRequest
+from calstation.runs import finish_incomplete
 from calstation.sequencer import Fault, Message, StageSolved, StateChanged
 from tests.database.result_files import write_result
 from tests.dead_logs import write_dead_log
@@ -171,8 +173,6 @@ def test_failed_units_are_calibrated_again_in_their_slots(operator: Operator, st
     assert [request.serials for request in started] == [("", "SN-000002", "", "SN-000004")]
 
 
-@pytest.mark.long
-def test_only_units_that_are_not_set_aside_are_offered_again(operator: Operator, started: list[RunRequest]) -> None:
 @pytest.mark.parametrize(("language", "left_out"), [("en", "not in this run"), ("zh_CN", "不参加本次标定")])
 def test_slots_that_are_left_out_stay_so_after_a_badge(operator: Operator, language: str, left_out: str) -> None:
     operator.site_folder.write(station={"sign_in": {"badge_pattern": r"B\d{4}"}}, units=3)
@@ -198,6 +198,8 @@ def test_slots_that_are_left_out_stay_so_after_a_badge(operator: Operator, langu
     assert left_out not in tile(operator, "slot_1_tile").accessibleName()
 
 
+@pytest.mark.long
+def test_only_units_that_are_not_set_aside_are_offered_again(operator: Operator, started: list[RunRequest]) -> None:
     use_slots(operator, 4)
     begin(operator)
     for slot, advised in (("1", "set_aside"), ("2", "repeat"), ("3", "set_aside"), ("4", "reseat")):
@@ -626,6 +628,40 @@ def test_stopped_batch_with_one_unit_to_resume_names_it(operator: Operator, lang
     end_unit(operator, "2", "stopped", advice="resume", finished_stages=["rate"])
     operator.window.app.engine_link._end()
     operator.until(lambda: operator.run.ended)
+    assert operator.message.startswith(advice)
+
+
+@pytest.mark.parametrize(
+    ("language", "advice", "asked"),
+    [
+        ("en", "What was completed is kept: resume the units together,", "SN-00000{} was interrupted"),
+        ("zh_CN", "已完成的部分保留：可以一起接着做，", "SN-00000{} 在第"),
+    ],
+)
+def test_unit_with_its_own_fault_that_can_be_resumed_is_not_to_be_repeated(
+    operator: Operator, language: str, advice: str, asked: str
+) -> None:
+    app, resume = operator.window.app, {"advice": "resume", "finished_stages": ["rate"]}
+    use_slots(operator, 2)
+    app.set_language(language)
+    run = {"batch": "B-7", "batch_units": ["SN-000001", "SN-000002"], "station": "test bench"}
+    logs = [write_dead_log(app.runs_folder, f"SN-00000{slot}", 3 - slot, slot=str(slot), **run) for slot in (1, 2)]
+    finish_incomplete(app.runs_folder)
+    for log, outcome in zip(logs, ("stopped", "fault"), strict=True):
+        file = log.with_suffix(".json")
+        file.write_text(json.dumps({**json.loads(file.read_text("utf-8")), "outcome": outcome}), "utf-8")
+    app.history().refresh()
+    begin(operator)
+    app.engine_link.event.emit(StageSolved("rate", {}, {"passed": True}))
+    app.engine_link.event.emit(replace(NO_ANSWER, slot="2"))
+    end_unit(operator, "2", "fault", **resume)
+    end_unit(operator, "1", "stopped", **resume)
+    app.engine_link._end()
+    operator.until(lambda: asked.format(1) in operator.says())
+    assert not operator.widget("again_button").isVisible()
+    operator.press("later_choice")
+    assert asked.format(2) in operator.says(), "it has completed less"
+    operator.press("later_choice")
     assert operator.message.startswith(advice)
 
 

@@ -165,7 +165,8 @@ class RunStarter(QObject):
             self.ask_transfer(request, *(unit.serial for unit in apart or units))
         elif units:
             again = partial(self._offer_again, units) if self._app.run.in_slots else (lambda: None)
-            self.interrupted.offer([unit.serial for unit in units], otherwise=again)
+            offered = [unit.serial for unit in run.units if unit in units or unit.resumable]
+            self.interrupted.offer(offered, otherwise=again)
 
     def _offer_again(self, units: Sequence[UnitStatus]) -> None:
         question = Text.of("question.same_units", serials=[unit.serial for unit in units])

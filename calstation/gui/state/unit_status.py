@@ -145,6 +145,11 @@ class UnitStatus:
         return not own_fault and (self.verdict is None or not self.verdict.judged)
 
     @property
+    def resumable(self) -> bool:
+        """Whether the run of the unit can be resumed according to its result, also after its own fault."""
+        return self.result is not None and self.result.advice == "resume" and self.result.closed_utc is None
+
+    @property
     def unverified(self) -> bool:
         """Whether registers were written to the unit but not verified, on which the operator has to decide."""
         return any(message == "transfer_unproved" for message, _ in self.remarks)

@@ -173,6 +173,7 @@ class VerdictGrid(QFrame):
             return say("advice.decide_registers_units")
         unfinished = [unit for unit in self._run.units if unit.unfinished]  # also after a fault of the table
         kept = [unit for unit in unfinished if unit.result is None or unit.result.closed_utc is None]
+        kept += self._failed_resumable
         if kept and self._run.resumable:
             return say("advice.resume_unit", serial=kept[0].serial) if len(kept) == 1 else say("advice.resume_units")
         if unfinished and len(unfinished) == len(self._run.units):
@@ -196,8 +197,15 @@ class VerdictGrid(QFrame):
 
     @property
     def _repeatable(self) -> list[UnitStatus]:
-        """Failed units that the operator may calibrate again."""
-        return [unit for unit in self._failed if advice.repeats(unit.result)]
+        """Failed units that the operator may calibrate again, without those that the question offers to resume."""
+        resumed = self._failed_resumable
+        return [unit for unit in self._failed if advice.repeats(unit.result) and unit not in resumed]
+
+    @property
+    def _failed_resumable(self) -> list[UnitStatus]:
+        """Units with their own fault that can be resumed, if the run also stopped for other units."""
+        units = self._run.units
+        return [unit for unit in self._failed if unit.resumable] if any(unit.unfinished for unit in units) else []
 
     @property
     def _passed(self) -> list[tuple[Result, Path]]:
