@@ -1413,6 +1413,32 @@ def test_run_closed_by_its_operator_is_shown_as_closed_and_not_resumed(
     assert operator.widget("start_button").isEnabled()
 
 
+@pytest.mark.parametrize(("language", "below"), [("en", "Read the fault below"), ("zh_CN", "请先看下面的故障")])
+def test_no_interrupted_run_is_offered_before_the_fault_has_been_read(
+    simulated_run: Operator, language: str, below: str
+) -> None:
+    operator, app = simulated_run, simulated_run.window.app
+    app.set_language(language)
+    log = write_dead_log(app.runs_folder, "SN-000004", station="test bench", seed=5)
+    finish_incomplete(app.runs_folder)
+    History(app.runs_folder).refresh()
+    app.engine_link.event.emit(StateChanged("running", "preparing"))
+    fault = DeviceFaultError("imu.answer_not_framed", port="socket://10.0.0.7:4001", seconds=5.0)
+    app.engine_link.event.emit(Fault.of(fault))
+    end_run(operator, "fault")
+    badge = operator.window.operator_page.header.badge_field.signed_in.emit
+    acts = badge, lambda: operator.scan("SN-000004"), lambda: app.resume_run.emit(log)
+    for act in acts:
+        act()
+        operator.until_no_job()
+        assert operator.window.findChild(QPushButton, "resume_choice") is None
+        assert (below in operator.says()) is (act is not badge)
+    operator.press("acknowledge_button")
+    operator.until_no_job()
+    badge()
+    operator.until(lambda: operator.window.findChild(QPushButton, "resume_choice") is not None)
+
+
 @pytest.mark.parametrize(
     ("language", "void"), [("en", "its old label is void. Remove it."), ("zh_CN", "旧标签已失效，请撕下。")]
 )

@@ -197,6 +197,10 @@ class InterruptedRuns(QObject):
         self._first = False
         if self._app.engine_link.running or self.run_summary is None or self._app.run.stop_incomplete:
             return
+        if self._app.run.fault is not None:  # nothing can be resumed before
+            if self._log is not None:
+                ask(self._notice, "caution", Text("operator.fault_below"), {})
+            return
         found = [each for each in found if (each.runs[0].slot is not None) == bool(self.run_summary.slots)]
         self.serials = frozenset(run.serial for each in found for run in each.runs)
         if self._log is None:

@@ -228,7 +228,8 @@ class RunStarter(QObject):
     def _ask_interrupted(self) -> None:
         """Ask about an interrupted run of the scanned unit, or about its registers."""
         summary, header = self.run_summary, self._header
-        if summary is None or self.slots or header.badge_field.required or self._app.run.reading_runs:
+        run = self._app.run
+        if summary is None or self.slots or header.badge_field.required or run.reading_runs or run.fault is not None:
             return
         if self._interrupted(header.serial, summary.station):
             self.start()
