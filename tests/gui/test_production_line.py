@@ -24,6 +24,7 @@ from calstation.gui.state.engine_link import EngineLink
 from calstation.jobs import JobQueue
 from calstation.results import ShiftCount
 from calstation.sequencer import StateChanged
+from tests.dead_logs import write_dead_log
 from tests.gui.conftest import RESULT, SERIAL, Operator
 from tests.gui.test_operator_events import end_run, simulated_run
 from tests.site_folder import ONE_STAGE, STATION
@@ -214,6 +215,26 @@ def test_sign_in_removes_the_notice_of_the_history_page(operator: Operator, lang
     assert asked in operator.says()
     operator.window.app.identified.emit("B1234")
     assert asked not in operator.says()
+
+
+@pytest.mark.parametrize(
+    ("language", "asked", "refused"),
+    [("en", "Scan your badge first.", "cannot be resumed"), ("zh_CN", "请先扫描工牌。", "无法继续")],
+)
+def test_resume_without_a_badge_asks_for_it_and_does_not_say_that_the_run_cannot_be_resumed(
+    operator: Operator, language: str, asked: str, refused: str
+) -> None:
+    use_station(operator, sign_in={"badge_pattern": r"B\d{4}"})
+    operator.window.app.set_language(language)
+    write_dead_log(operator.window.app.runs_folder, station="test bench", seed=5)
+    operator.window.operator_page._starting.interrupted.recover()
+    operator.until(lambda: operator.window.findChild(QPushButton, "resume_choice") is not None)
+    operator.press("resume_choice")
+    assert asked in operator.widget("operator_notice").text_label.text()
+    assert refused not in operator.says()
+    assert operator.window.focusWidget() is operator.widget("operator_edit")
+    sign_in(operator, "B1234")
+    operator.until(lambda: operator.window.findChild(QPushButton, "resume_choice") is not None)
 
 
 def test_scan_without_a_focused_field_goes_to_the_badge_field_first(operator: Operator) -> None:

@@ -224,6 +224,10 @@ class StartDialog:
         if why_not := self._app.run.why_not_start:
             ask(self._notice, "caution", why_not if isinstance(why_not, Text) else Text(why_not), {})
             return
+        if self._app.badge_required:
+            ask(self._notice, "caution", Text("station.badge_missing"), {})
+            self._cancelled()
+            return
         try:
             action()
         except CalstationError as error:
@@ -268,12 +272,9 @@ class StartDialog:
         self.people.ask(Text.of("operator.ask_calibrate", serial=units), required, confirmed, by=by)
 
     def _launch(self, request: RunRequest) -> None:
-        """Start the engine unless a badge is missing; if a job uses a device, ask first."""
+        """Start the engine; if a job uses a device, ask first."""
         app = self._app
-        if app.badge_required:
-            ask(self._notice, "caution", Text("station.badge_missing"), {})
-            self._cancelled()
-        elif app.job_queue.uses_device:
+        if app.job_queue.uses_device:
             self._ask(Text.of("question.device_busy"), {"clear": lambda: self._attempt(lambda: self._launch(request))})
         elif not app.engine_link.running:
             if request.product is not None:
