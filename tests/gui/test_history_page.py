@@ -17,11 +17,11 @@ from calstation.gui.history import HistoryPage
 from calstation.gui.history.run_table import _RunModel
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.state import AppContext
-from calstation.gui.text import language, say
+from calstation.gui.text import fault_text, language, say
 from calstation.physics import DEGREE_PER_HOUR
 from calstation.records import Verdict
 from calstation.results import SCHEMA
-from calstation.sequencer import Finalized
+from calstation.sequencer import Fault, Finalized
 from tests.check_rows import check_row
 from tests.dead_logs import NOW, write_dead_log
 from tests.gui.conftest import RESULT
@@ -491,6 +491,35 @@ def test_incomplete_run_is_resumed_or_closed(
     assert not button(page, "history_resume_button").isVisible()
     result = json.loads(runs["dead"].with_suffix(".json").read_text("utf-8"))
     assert (result["outcome"], result["closed_by"]) == ("incomplete", signed_in)
+
+
+def test_incomplete_run_is_not_closed_after_a_later_verdict(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
+    dead = {serial: write_dead_log(folder, serial, solved=0) for serial in ("SN-000003", "SN-000004")}
+    write_run(folder, "SN-000003", "passed", timedelta(minutes=3))
+    write_run(folder, "SN-000004", "passed", timedelta(hours=3))
+    listed_runs(page, qtbot)
+    for serial, log in dead.items():
+        select_row(page, [run.log.stem for run in page.table._model.runs].index(log.stem), qtbot)
+        qtbot.waitUntil(lambda serial=serial: page.table.run is not None and page.table.run.serial == serial)
+        assert button(page, "history_close_button").isVisible() is (serial == "SN-000004")
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_remedy_of_a_fault_is_that_of_the_operator_page(
+    page: HistoryPage, folder: Path, app: AppContext, qtbot: QtBot, code: str
+) -> None:
+    fault = DeviceFaultError("imu.answer_not_framed", port="socket://10.0.0.7:4001", seconds=5.0)
+    texts = {"error": str(fault), "error_code": fault.code, "error_values": fault.values}
+    write_run(folder, "SN-000003", "fault", timedelta(days=1), **texts)
+    language.use(code)
+    listed_runs(page, qtbot)
+    select_row(page, 0, qtbot)
+    for engineer in (False, True):
+        if engineer:
+            app.role.set_first_pin("246813")
+        text = fault_text(Fault.of(fault), engineer=engineer)
+        assert page.details.reason_label.text().startswith(f"{text.text}\n{text.remedy}\n")
+    language.use("en")
 
 
 def test_failures_of_background_jobs_are_reported(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:

@@ -14,9 +14,9 @@ from calstation.gui.operator import CertificateButton, FiguresTable, LabelButton
 from calstation.gui.state import ReleaseBar
 from calstation.gui.text import (
     duration_text,
+    fault_text,
     on_language_change,
     product_text,
-    rendered,
     say,
     station_text,
     term,
@@ -43,6 +43,7 @@ from calstation.gui.widgets import (
 from calstation.messages import Text, entry, known, local_time
 from calstation.records import IndexedRun, ResolveRecord, RunRecord, Verdict
 from calstation.results import RELEASE_IN_DOUBT, Result, changed_entry, lacks_log, number_ranges, run_outcome
+from calstation.sequencer import Fault
 
 #: Maximum number of listed failed checks.
 _MAX_FAILED = 8
@@ -50,11 +51,13 @@ _MAX_FAILED = 8
 
 @dataclass(frozen=True)
 class Actions:
-    """Conditions of the actions: a run is in progress, a run is being closed, the displayed run can be resumed."""
+    """Conditions of the actions and of the texts about them."""
 
-    running: bool = False
-    closing: bool = False
-    resumable: bool = False
+    running: bool = False  #: Whether a run is in progress.
+    closing: bool = False  #: Whether a run is being closed.
+    resumable: bool = False  #: Whether the displayed run can be resumed.
+    superseded: bool = False  #: Whether a later run of the unit has a verdict, so that there is nothing to close.
+    engineer: bool = False  #: Whether an engineer reads the remedy for a fault.
 
 
 class RunDetails(QFrame):
@@ -231,7 +234,7 @@ class RunDetails(QFrame):
             fault = None if result is None else result.fault
             if fault is None:
                 return run.error
-            text = rendered(fault.as_text)
+            text = fault_text(Fault.of(fault), engineer=self._actions.engineer)
             reset = known(fault.code) and entry(fault.code).resettable  # this page has no button for it
             return "\n".join(filter(None, (text.text, "" if reset else text.remedy)))
         if result is not None and result.override is not None:
@@ -313,7 +316,7 @@ class RunDetails(QFrame):
         self.close_button.setText(say("history.close_as_incomplete" if incomplete else "history.do_not_resume"))
         self.resume_button.setVisible(actions.resumable)
         elsewhere = run.closed or run.origin or run.missing
-        self.close_button.setVisible(actions.resumable or (incomplete and not elsewhere))
+        self.close_button.setVisible(actions.resumable or (incomplete and not (elsewhere or actions.superseded)))
         enable(self.result_button, self._why_no_result(run), say("history.show_parameters"))
         enable(self.log_button, self._why_no_log(run), say("history.draw_log"))
         why_not = say("history.log_gone" if lacks_log(run) else self._doubt or "")

@@ -215,6 +215,7 @@ class HistoryPage(Page):
         app.runs_folder_changed.connect(self._list_visible)
         app.result_changed.connect(lambda _: self._list_visible())
         app.engine_link.running_changed.connect(lambda _: self._update())
+        app.role.changed.connect(self._update)
         finder = QShortcut(QKeySequence.StandardKey.Find, self, self._filters.search_edit.setFocus)
         finder.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
 
@@ -285,7 +286,15 @@ class HistoryPage(Page):
     def _actions(self) -> Actions:
         run = self.table.run
         resumable = run is not None and run.log in self._resumable
-        return Actions(self.app.engine_link.running, self._closer.busy, resumable)
+        superseded = run is not None and run.verdict is Verdict.INCOMPLETE and self._superseded(run)
+        return Actions(self.app.engine_link.running, self._closer.busy, resumable, superseded, self.app.role.engineer)
+
+    def _superseded(self, run: RunRecord) -> bool:
+        """Return whether a later run of the unit has a verdict; a simulated one does not count for a measured run."""
+        return any(
+            later.verdict.judged and later.started_utc > run.started_utc and later.simulated <= run.simulated
+            for later in self._history().of(run.serial)
+        )
 
     def _update(self) -> None:
         self.details.set_actions(self._actions())

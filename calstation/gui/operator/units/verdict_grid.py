@@ -62,8 +62,11 @@ class _VerdictTile(Tile):
         column((self._banner, 4), texts, None, on=self, spacing=0, margins=(2, 2, 2, 2))
         pass_clicks(self._banner, self._serial, self.reason, self._action)
 
-    def show_verdict(self, run: RunStatus, *, label_void: bool) -> None:
-        """Show the final state of the unit, the reason, the next action, and whether its old label is void."""
+    def show_verdict(self, run: RunStatus, *, label_void: bool, engineer: bool) -> None:
+        """Show the final state of the unit, the reason, the next action, and whether its old label is void.
+
+        For an `engineer`, the remedy of a fault is that for engineers.
+        """
         unit = self.unit
         state = run.final_state_of(unit)
         outcome = "failed" if state == "released" else state
@@ -77,7 +80,7 @@ class _VerdictTile(Tile):
                 (whole[0], say("advice.decide_registers")),
             )
         if unit.fault is not None:
-            fault = fault_text(unit.fault, engineer=False)
+            fault = fault_text(unit.fault, engineer=engineer)
             brief = whole = (fault.text, fault.remedy)
         elif label_void and state == "failed":
             note = term("advice_brief", "remove_label")
@@ -117,6 +120,7 @@ class VerdictGrid(QFrame):
         self._grid = grid()
         head = row(self._summary, None, self._again, self._labels, self._certificates)
         column(head, self._certificates.panel, (self._grid, 1), on=self, margins=PANEL)
+        app.role.changed.connect(self._refresh)
         theme.on_appearance_change(self, self._refresh)
 
     def show_end(self) -> None:
@@ -234,7 +238,7 @@ class VerdictGrid(QFrame):
             self._again.setVisible(bool(repeatable))
             for tile in self._tiles:
                 void = label_void(self._app, tile.unit)
-                tile.show_verdict(self._run, label_void=void)
+                tile.show_verdict(self._run, label_void=void, engineer=self._app.role.engineer)
             brief = [tile.reason for tile in self._tiles if not tile.roomy]
             height = max((reason.sizeHint().height() for reason in brief), default=0)
             for reason in brief:  # all banners must have the same height
