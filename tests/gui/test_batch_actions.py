@@ -416,6 +416,9 @@ def test_unit_interrupted_before_the_window_was_opened_is_entered_in_its_slot(op
     operator.press("later_choice")
     operator.scan("SN-000050")
     assert serials(operator)[2] == "SN-000050"
+    for language, note in (("zh_CN", "上次中断"), ("en", "interrupted before")):  # to resume it is no further attempt
+        app.set_language(language)
+        assert note in tile(operator, "slot_3_tile").accessibleName()
     assert "SN-000050 is entered in slot 3" in operator.says()
 
 

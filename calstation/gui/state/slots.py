@@ -19,15 +19,21 @@ class EarlierRuns:
     count: int = 0
     passed: bool = False  #: Whether the unit passed one of them.
     failed: bool = False  #: Whether the last of them that passed or failed the unit failed it.
+    interrupted: bool = False  #: Whether the last of them may be resumed, which would be no further attempt.
 
     @classmethod
     def of(cls, history: History, serial: str) -> "EarlierRuns":
         """Return the earlier runs of a unit."""
-        return cls(history.attempts(serial), history.passed_before(serial) is not None, history.failed_last(serial))
+        passed, failed = history.passed_before(serial) is not None, history.failed_last(serial)
+        latest = next(iter(history.of(serial)), None)
+        interrupted = latest is not None and latest.resumable and not (latest.closed or latest.verdict.judged)
+        return cls(history.attempts(serial), passed, failed, interrupted)
 
     @property
     def note(self) -> Text:
         """The note shown when the unit has been accepted."""
+        if self.interrupted:
+            return Text("operator.interrupted_before")
         code = "operator.attempt_passed" if self.passed else "operator.attempt" if self.count else "operator.accepted"
         return Text.of("operator.attempt_failed" if self.failed else code, count=self.count + 1)
 
