@@ -232,6 +232,17 @@ def _without_earth(earth: Vector, vector: Vector, dt: float) -> Vector:
 
 
 @kernel
+def _lever_acceleration(c: Compensation, C: Matrix, before: Vector, after: Vector, dt: float) -> Vector:
+    """Return the acceleration of the outer lever arm in n between two samples from their rates, m/s²."""
+    lever = _vector(c.outer_lever)
+    omega = (0.5 * (before[0] + after[0]), 0.5 * (before[1] + after[1]), 0.5 * (before[2] + after[2]))
+    change = ((after[0] - before[0]) / dt, (after[1] - before[1]) / dt, (after[2] - before[2]) / dt)
+    central, tangential = _cross_product(omega, _cross_product(omega, lever)), _cross_product(change, lever)
+    a = (central[0] + tangential[0], central[1] + tangential[1], central[2] + tangential[2])
+    return (_dot(C[0], a), _dot(C[1], a), _dot(C[2], a))
+
+
+@kernel
 def propagate(
     c: Compensation,
     earth: FloatArray,
@@ -263,12 +274,8 @@ def propagate(
     rates, rotations, velocities = motion
     rotation, v = _vector(earth), _vector(work.velocity)
     C = (_vector(work.attitude[0]), _vector(work.attitude[1]), _vector(work.attitude[2]))
-    f = last_f = (0.0, 0.0, 0.0)
-    if start > 0:  # force in n during the sample before, from its attitude C Eᵀ
-        x, y, z = _vector(velocities[start - 1])
-        e = rotations[start - 1]
-        back = (e[0] * x + e[3] * y + e[6] * z, e[1] * x + e[4] * y + e[7] * z, e[2] * x + e[5] * y + e[8] * z)
-        last_f = (_dot(C[0], back) / dt, _dot(C[1], back) / dt, _dot(C[2], back) / dt)
+    last_rate, first_rate = _vector(rates[max(start - 1, 0)]), _vector(rates[min(start, len(rates) - 1)])
+    last_a = _lever_acceleration(c, C, last_rate, first_rate, dt)
     for k in range(start, stop):
         increment = _vector(velocities[k])
         f = (_dot(C[0], increment), _dot(C[1], increment), _dot(C[2], increment))
@@ -322,18 +329,21 @@ def propagate(
                 psi_p[i, p] += (psi_v[i, p] + 0.5 * change) * dt
                 psi_v[i, p] += change
 
-    if 0 < start < stop:  # the trapezoidal rule is wrong by dt²/12 times the change of the force (Euler-Maclaurin)
-        square = dt * dt / 12.0
-        displacement = (
-            displacement[0] - square * (f[0] - last_f[0]),
-            displacement[1] - square * (f[1] - last_f[1]),
-            displacement[2] - square * (f[2] - last_f[2]),
-        )
     # the rate at the end is the mean of the last sample and the next
-    rate = _vector(rates[max(stop - 1, 0)])
-    if stop < len(rates):
-        after = _vector(rates[stop])
-        rate = (0.5 * (after[0] + rate[0]), 0.5 * (after[1] + rate[1]), 0.5 * (after[2] + rate[2]))
+    last_rate, next_rate = _vector(rates[max(stop - 1, 0)]), _vector(rates[min(stop, len(rates) - 1)])
+    rate = (
+        0.5 * (last_rate[0] + next_rate[0]),
+        0.5 * (last_rate[1] + next_rate[1]),
+        0.5 * (last_rate[2] + next_rate[2]),
+    )
+    # the trapezoidal rule is wrong by dt²/12 times the change of the acceleration (Euler-Maclaurin): gravity is
+    # constant in n; the lever arm's acceleration follows from the rates, because the measured force contains noise
+    a, square = _lever_acceleration(c, C, last_rate, next_rate, dt), dt * dt / 12.0
+    displacement = (
+        displacement[0] - square * (a[0] - last_a[0]),
+        displacement[1] - square * (a[1] - last_a[1]),
+        displacement[2] - square * (a[2] - last_a[2]),
+    )
     T = (stop - start) * dt
     for i in range(3):
         work.velocity[i], work.rate[i], work.displacement[i] = v[i], rate[i], displacement[i]

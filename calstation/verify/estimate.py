@@ -195,10 +195,11 @@ class Segment:
         at = begin + self.stride * np.arange(self.count + 1)
         self.time = stage.seq[[begin, at[-1] - 1]] * s.dt
         self.middle = (stage.seq[at[:-1]] + 0.5 * self.stride) * s.dt
-        # the samples of every interval with the one before, and the mean output of the samples before and after its end
+        # the samples of every interval with the one before; at its end, the mean output of two samples, and its change
         inside = np.clip(at[:-1, None] + np.arange(-1, self.stride), 0, None)
         self.gyro, self.accel = stage.gyro[inside], stage.accel[inside]
-        self.ends = 0.5 * (stage.gyro[np.maximum(at - 1, 0)] + stage.gyro[np.minimum(at, span[1] - 1)])
+        before, after = stage.gyro[np.maximum(at - 1, 0)], stage.gyro[np.minimum(at, span[1] - 1)]
+        self.ends, self.changes = 0.5 * (before + after), (after - before) / s.dt
         heading = np.linalg.norm([s.sigma[key] for key in ("azimuth", "mount", "encoder")])
         self.prior_sigma = np.r_[s.sigma["tilt"], s.sigma["tilt"], heading, [np.sqrt(100.0 * s.velocity)] * 3]
         first = stage.angles[begin : min(rest[1], begin + int(LONGEST / s.dt))]
@@ -263,6 +264,10 @@ class Segment:
         drifting = p + (self.drift[:-1] @ np.eye(COUNT)[BIASES] + change)[:, None]
         E[1:, :, :-1] = derivatives(misclosures, 2 * STATES + COUNT)
         E[1:, :, -1] = misclosures(np.zeros(2 * STATES + COUNT), _integrate(drifting, self.gyro, self.accel, s.dt))
+        # the acceleration of the lever arm changes within a sample (Euler-Maclaurin)
+        omega, r = compensated(p, self.ends, self.ends)[0], p[AT["outer_lever"]]
+        arm = np.matvec(C, np.cross(omega, np.cross(omega, r)) + np.cross(self.changes, r))
+        E[1:, 6:9, -1] += s.dt**2 / 12.0 * np.diff(arm, axis=0) / T
         # covariance of the equations: the errors of rate act by [1, −Ft, −Ft²/2T], those of force by [0, 1, t/T]
         F = np.cross(np.eye(3), impulse[:, None])
         by_rate = np.concatenate([np.broadcast_to(np.eye(3), F.shape), -F, -0.5 * F], axis=1)
@@ -283,7 +288,7 @@ def _integrate(p, gyro, accel, dt):
     product = np.cross(w, f)
     turns = rotation(w + np.cross(last, w) / 12.0)
     change = f + 0.5 * product + np.cross(w, product) / 6.0 + (np.cross(last, f) + np.cross(before, w)) / 12.0
-    shift = (0.5 * f + product / 6.0 - (f - before) / 12.0) * dt  # of a force that changes linearly in b
+    shift = (0.5 * f + 0.25 * product) * dt  # exact if the force is constant in n; in b, a sixth instead of a quarter
     R, v, x = np.broadcast_to(np.eye(3), (len(w), 3, 3)), np.zeros((len(w), 3)), np.zeros((len(w), 3))
     for j in range(w.shape[1]):
         x = x + v * dt + np.matvec(R, shift[:, j])
