@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from calstation.config.station_sections import StationSite
-from calstation.estimation.common import resolves_earth_rate
+from calstation.estimation.common import NORMAL_GRAVITY_SIGMA, resolves_earth_rate
 from calstation.messages import Finding, Value
 from calstation.physics import normal_gravity
 from calstation.records import LogMeta, SiteSection, context_from_meta
@@ -125,19 +125,26 @@ def normal_gravity_at(latitude_deg: Number, height_m: Number) -> float | None:
 
 
 def site_advice(
-    latitude_deg: Number, longitude_deg: Number, height_m: Number, azimuth_deg: Number, gravity_mps2: Number
+    latitude_deg: Number,
+    longitude_deg: Number,
+    height_m: Number,
+    azimuth_deg: Number,
+    gravity_mps2: Number,
+    gravity_sigma_mps2: Number = None,
 ) -> tuple[Finding, ...]:
     """Return warnings for values of a station file that are probably mistakes; non-numeric values are ignored.
 
     ``gravity_off`` contains the resulting error of the accelerometer scale factors, ppm, and normal gravity, m/s²;
-    ``gravity_normal`` means a surveyed value that equals normal gravity.
+    ``gravity_normal`` means a surveyed value that equals normal gravity, and ``gravity_sigma_small`` a sigma of the
+    computed normal gravity, ppm, below that of `NORMAL_GRAVITY_SIGMA`.
     ``null_island`` means zero latitude and longitude, and ``azimuth_hopeless`` an unknown azimuth near a pole.
 
     Parameters
     ----------
     latitude_deg, longitude_deg, azimuth_deg : latitude, longitude and azimuth, degrees
     height_m : height, m
-    gravity_mps2 : gravity, m/s²
+    gravity_mps2, gravity_sigma_mps2 : surveyed gravity and its sigma, m/s²; without the former, the sigma is that of
+        normal gravity
     """
     warnings: list[Finding] = []
     expected = normal_gravity_at(latitude_deg, height_m)
@@ -148,6 +155,10 @@ def site_advice(
             warnings.append(Finding("gravity_off", "warning", values))
         elif abs(gravity_mps2 - expected) < _COMPUTED_GRAVITY:
             warnings.append(Finding("gravity_normal", "warning"))
+    if expected is not None and gravity_mps2 is None and isinstance(gravity_sigma_mps2, float | int):
+        if 0.0 < gravity_sigma_mps2 < NORMAL_GRAVITY_SIGMA:
+            ppm = {"sigma_ppm": gravity_sigma_mps2 / expected * 1e6, "normal_ppm": NORMAL_GRAVITY_SIGMA / expected * 1e6}
+            warnings.append(Finding("gravity_sigma_small", "warning", ppm))
     if latitude_deg == 0 and longitude_deg == 0:
         warnings.append(Finding("null_island", "warning"))
     if azimuth_deg is None and isinstance(latitude_deg, float | int) and 90.0 >= abs(latitude_deg) > _NEAR_POLE:

@@ -19,6 +19,7 @@ from calstation.config import (
     load_station,
     needs_surveyed_gravity,
     schedule_values,
+    site_advice,
     this_computer,
 )
 from calstation.connection.devices import port_conflict
@@ -56,8 +57,11 @@ def incompatibilities(setup: RunConfiguration) -> Iterator[Finding]:
         yield Finding("gravity_unlike", "warning", contradiction.values)
     if site.gravity_mps2 is None and needs_survey:
         yield Finding("gravity_missing", "warning")
-    if setup.station.bench is not None:
+    if setup.station.bench is not None:  # its simulated gravity is exactly that of its station
         return
+    location = site.latitude_deg, site.longitude_deg, site.height_m, site.azimuth_deg
+    advice = site_advice(*location, site.gravity_mps2, site.gravity_sigma_mps2)
+    yield from (finding for finding in advice if finding.id in ("gravity_normal", "gravity_sigma_small"))
     if not is_confirmed(site, needed=needs_survey):
         yield Finding("place_not_confirmed", "warning", {"computer": this_computer(), "entry": confirmation_key(site)})
     shipped = library.shipped_folder() / "stations" / "example_hardware.toml"  # this file is the template for new files

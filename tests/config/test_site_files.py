@@ -323,6 +323,13 @@ def test_impossible_gravity_gives_a_warning_with_the_resulting_error() -> None:
     assert site_advice("x", 1.0, None, 0.0, 9.8) == ()  # type: ignore[arg-type]
 
 
+def test_computed_gravity_with_the_sigma_of_a_survey_gives_a_warning() -> None:
+    location, own = (34.25, 108.9, 400.0, 0.0), {None: [], 5e-4: [], 1e-3: []}
+    for sigma, ids in {**own, 1e-6: ["gravity_sigma_small"], 1e-4: ["gravity_sigma_small"], "x": []}.items():
+        assert [f.id for f in site_advice(*location, None, sigma)] == ids  # type: ignore[arg-type]
+        assert site_advice(*location, 9.7961, sigma) == ()  # type: ignore[arg-type]
+
+
 def test_improbable_locations_give_a_warning() -> None:
     assert [f.id for f in site_advice(0.0, 0.0, 0.0, 0.0, None)] == ["null_island"]
     assert [f.id for f in site_advice(-85.0, 10.0, 0.0, None, None)] == ["azimuth_hopeless"]

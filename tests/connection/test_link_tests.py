@@ -564,6 +564,28 @@ def test_a_site_is_compared_with_the_shipped_example(tmp_path: Path, monkeypatch
     assert found == [True, False]
 
 
+@pytest.mark.parametrize(
+    ("site", "warning"),
+    [
+        ("gravity_sigma_mps2 = 1e-6", "gravity_sigma_small"),
+        ("gravity_mps2 = 9.79547", "gravity_normal"),
+        ("gravity_mps2 = 9.7961\ngravity_sigma_mps2 = 1e-6", ""),
+        ("", ""),
+    ],
+)
+def test_computed_gravity_that_passes_as_surveyed_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, site: str, warning: str
+) -> None:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
+    file = tmp_path / "stations" / "line.toml"
+    file.parent.mkdir()
+    text = find("stations", "example_hardware").read_text("utf-8").replace("[site]", f"[site]\n{site}")
+    file.write_text(text, "utf-8")
+    found = incompatibilities(link_test_configuration(LinkTestRequest(load_station(file)[1])))
+    ids = [each.id for each in found if each.id in ("gravity_sigma_small", "gravity_normal")]
+    assert ids == ([warning] if warning else [])
+
+
 def test_imu_that_closes_the_connection_is_reported() -> None:
     def hang_up(_: bytes) -> bytes:
         raise OSError

@@ -336,6 +336,29 @@ def test_surveyed_gravity_equal_to_normal_gravity_is_questioned(
     assert question not in page_driver.message("site_gravity_mps2")
 
 
+@pytest.mark.parametrize(
+    ("words", "question", "hints"),
+    [
+        ("en", "but its sigma is 0.1 ppm", ("If empty, 5e-4", "Standard uncertainty stated")),
+        ("zh_CN", "1σ 只有 0.1 ppm", ("留空时取 5e-4", "测量报告给出")),
+    ],
+)
+def test_sigma_of_computed_gravity_is_questioned(
+    page_driver: PageDriver, words: str, question: str, hints: tuple[str, str]
+) -> None:
+    page_driver.show_section(SITE)
+    page_driver.copy_station("line_9")
+    language.use(words)
+    for station, hint in (("virtual_bench", hints[1]), ("line_9", hints[0]), ("virtual_bench", hints[1])):
+        page_driver.choose("station_combo", station)
+        assert hint in page_driver.message("site_gravity_sigma_mps2")
+    page_driver.choose("station_combo", "line_9")
+    page_driver.type("site_gravity_sigma_mps2_edit", "1e-6")
+    assert question in page_driver.message("site_gravity_sigma_mps2")
+    page_driver.type("site_gravity_sigma_mps2_edit", "5e-4")
+    assert hints[0] in page_driver.message("site_gravity_sigma_mps2")
+
+
 def test_sigmas_of_gravity_and_clock_are_saved_and_removed(page_driver: PageDriver, site_folder: Any) -> None:
     page_driver.show_section(SITE)
     page_driver.type("site_gravity_sigma_mps2_edit", "0")

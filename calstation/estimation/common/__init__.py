@@ -19,6 +19,7 @@ from calstation.estimation.common.by_position import (
     position_residuals,
 )
 from calstation.estimation.common.context import (
+    NORMAL_GRAVITY_SIGMA,
     ImuModel,
     Posterior,
     Secondary,

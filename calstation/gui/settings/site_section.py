@@ -15,7 +15,7 @@ from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import ChoiceBox, button, column, enable, label, row, theme
 from calstation.schema import KeyPath, value_at
 
-_NAMES = ("latitude_deg", "longitude_deg", "height_m", "azimuth_deg", "gravity_mps2")
+_NAMES = ("latitude_deg", "longitude_deg", "height_m", "azimuth_deg", "gravity_mps2", "gravity_sigma_mps2")
 _AZIMUTH, _GRAVITY = ("site", "azimuth_deg"), ("site", "gravity_mps2")
 _SURVEY: tuple[KeyPath, ...] = (_GRAVITY, ("site", "gravity_sigma_mps2"), ("site", "gravity_source"))
 _CONFIRMED: KeyPath = ("site", "confirmed_on")
@@ -36,13 +36,12 @@ class SiteSection(Section):
         )
         for box, key_path in ((azimuth_box, _AZIMUTH), (gravity_box, _GRAVITY)):
             box.typed.connect(partial(self._choose, key_path))
-        latitude, longitude, height, azimuth, gravity = (Field(draft, ("site", name)) for name in _NAMES)
+        latitude, longitude, height, azimuth, gravity = (Field(draft, ("site", name)) for name in _NAMES[:-1])
         latitude.warning = lambda: self._warning_text("null_island", "azimuth_hopeless")
-        gravity.warning = lambda: self._warning_text(
-            "gravity_off", *(() if draft.value(("bench",)) is not None else ("gravity_normal",))
-        )
+        gravity.warning = lambda: self._warning_text("gravity_off", *self._unless_bench("gravity_normal"))
         sigma, source = (Field(draft, key_path) for key_path in _SURVEY[1:])
-        sigma.hint = lambda: say(f"setting.about_gravity_sigma_{'surveyed' if gravity_box.value() else 'normal'}")
+        sigma.warning = lambda: self._warning_text(*self._unless_bench("gravity_sigma_small"))
+        sigma.hint = lambda: say(f"setting.about_gravity_sigma_{'surveyed' if self._has(_GRAVITY) else 'normal'}")
         #: The choice, the fields shown if the value is given here, and the values that must then be entered.
         self._optional: dict[KeyPath, tuple[ChoiceBox, tuple[Field, ...], tuple[KeyPath, ...]]] = {
             _AZIMUTH: (azimuth_box, (azimuth,), (_AZIMUTH,)),
@@ -90,11 +89,11 @@ class SiteSection(Section):
             # a value that was deleted in its field must be entered again, unless the other choice is selected
             if self._draft.differs(key_path) and (value is not None or fields[0].editor.hasFocus()):
                 self._draft.require(typed)
-            has_value = value is not None or self._draft.requires(key_path)
+            has_value = self._has(key_path)
             box.show_value(has_value)
             for field in fields:
                 field.setVisible(has_value)
-        latitude, _, height, azimuth, _ = self._values()
+        latitude, _, height, azimuth, *_ = self._values()
         self._compass.show_azimuth(float(azimuth) if isinstance(azimuth, float | int) else None)
         self._compass_note.setText(say("settings.azimuth_tip" if azimuth is not None else "settings.about_azimuth"))
         normal = normal_gravity_at(latitude, height)
@@ -102,6 +101,14 @@ class SiteSection(Section):
 
     def _values(self) -> list[Any]:
         return [self._draft.value(("site", name)) for name in _NAMES]
+
+    def _has(self, key_path: KeyPath) -> bool:
+        """Return whether an optional value is given or must still be entered."""
+        return self._draft.value(key_path) is not None or self._draft.requires(key_path)
+
+    def _unless_bench(self, *ids: str) -> tuple[str, ...]:
+        """Return these ids of findings; none for a bench, which simulates the gravity of its station."""
+        return () if self._draft.value(("bench",)) is not None else ids
 
     def _choose(self, key_path: KeyPath) -> None:
         """Remove an optional value, or require that the user enters it unless the station file contains it."""
