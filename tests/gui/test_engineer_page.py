@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from PySide6.QtCore import QEvent, QPoint, QPointF, Qt
+from PySide6.QtCore import QEvent, QObject, QPoint, QPointF, Qt
 from PySide6.QtGui import QGuiApplication, QHelpEvent
 from PySide6.QtWidgets import (
     QApplication,
@@ -25,6 +25,7 @@ from PySide6.QtWidgets import (
     QTableView,
     QToolButton,
     QToolTip,
+    QWidget,
 )
 from pytestqt.qtbot import QtBot
 
@@ -39,6 +40,7 @@ from calstation.config import (
 )
 from calstation.devices.imu import TransferOutcome, TransferStep
 from calstation.gui.engineer import EngineerPage
+from calstation.gui.engineer.choice_panel import StageSelector
 from calstation.gui.engineer.observability_view import HeatMap
 from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.result_view import ResultView
@@ -240,6 +242,59 @@ def test_product_that_cannot_be_read_replaces_the_previous_one(engineer: Enginee
     assert not problem.isVisible()
     engineer.until(lambda: engineer.widget("stage_check_rate").isVisible())  # its predecessor is deleted first
     assert engineer.widget("save_reason_label", QLabel).text() == "The values of this stage are those of the product."
+
+
+def test_a_part_whose_stages_are_both_ticked_again_is_redrawn(qtbot: QtBot) -> None:
+    selector = StageSelector()
+    qtbot.addWidget(selector)
+    selector.offer(STAGES, STAGES, STAGES)
+    selector.show()
+    part = selector.findChild(QCheckBox, "part_check_scale_factors")
+    rate = selector.findChild(QCheckBox, "stage_check_rate")
+    assert part is not None
+    assert rate is not None
+    rate.click()
+    partly = part.grab().toImage()
+    QApplication.processEvents()
+    painted = PaintCounter(part)
+    rate.click()
+    QApplication.processEvents()
+    assert painted.count
+    assert part.grab().toImage() != partly
+    assert (part.checkState(), part.isTristate()) == (Qt.CheckState.Checked, False)
+
+
+class PaintCounter(QObject):
+    """Counts how often a widget is drawn."""
+
+    def __init__(self, widget: QWidget) -> None:
+        super().__init__(widget)
+        self.count = 0
+        widget.installEventFilter(self)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        self.count += event.type() == QEvent.Type.Paint
+        return super().eventFilter(watched, event)
+
+
+@pytest.mark.parametrize(
+    ("words", "some", "every"),
+    [
+        ("en", "a pass writes: gyro scale factor, accel scale factor, accel bias.", "a pass writes all of them"),
+        ("zh_CN", "合格后写入：陀螺刻度系数、加表刻度系数、加表零偏。", "合格后全部写入"),
+    ],
+)
+def test_the_parameters_that_the_ticked_stages_write_are_stated(
+    engineer: Engineer, words: str, some: str, every: str
+) -> None:
+    engineer.unlock()
+    line = engineer.widget("solved_parameters_label", QLabel)
+    language.use(words)
+    engineer.tick("part_check_scale_factors")
+    assert some in line.text()
+    engineer.tick("part_check_installation")
+    assert every in line.text()
+    language.use("en")
 
 
 def test_single_stages_can_be_chosen_in_any_order(engineer: Engineer) -> None:
@@ -1075,6 +1130,7 @@ def test_preview_without_prediction_is_neutral_and_a_partial_one_names_its_selec
     qtbot.addWidget(view)
     view.show()
     language.use(words)
+    view._unit_named = True
     error, flat = Text("preview.gimbal_motion"), np.zeros(2)
     unknown = StagePreview("gimbal", 0.0, 1.0, "plan", 0, 18, ("gyro_bias_x",), error=error, predictable=False)
     view._done(Preview((unknown,), flat, flat, flat, (), sigma, {"gyro_bias_x": 2.0}, {}, travel))
@@ -1088,6 +1144,22 @@ def test_preview_without_prediction_is_neutral_and_a_partial_one_names_its_selec
     assert uncalibrated in view._ends.text()
     view._done(replace(view.preview, calibrated=True))
     assert uncalibrated not in view._ends.text()
+
+
+def test_preview_without_a_serial_number_says_that_no_unit_is_named(engineer: Engineer) -> None:
+    engineer.unlock()
+    engineer.tick("stage_check_rate")
+    ends = engineer.widget("preview_ends", QLabel)
+    for serial, texts in (
+        ("", ("No serial number is entered", "未填序列号")),
+        (SERIAL, ("The unit has no current calibration", "这台产品没有现行标定")),
+    ):
+        engineer.type("engineer_serial_edit", serial)
+        engineer.preview()
+        for words, text in zip(("en", "zh_CN"), texts, strict=True):
+            language.use(words)
+            assert text in ends.text()
+        language.use("en")
 
 
 def test_preview_of_a_run_that_leaves_a_parameter_undetermined_does_not_call_it_reached(

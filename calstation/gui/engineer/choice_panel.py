@@ -25,6 +25,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.messages import Text
+from calstation.physics import NAMES, group_of
 
 #: Stages of each part of the calibration, by the suffix of the object name of its check box.
 PARTS = {"scale_factors": ("rate", "six_position"), "installation": ("excitation",), "biases": ("azimuth_flip",)}
@@ -54,6 +55,7 @@ class ChoicePanel(QFrame):
         self.selector = StageSelector()
         self._product = label(kind="muted", name="choice_product_label", wrap=True)
         self._problem = label(kind="error", name="choice_problem_label", wrap=True)
+        self._solved = label(kind="muted", name="solved_parameters_label", wrap=True)
         self._heading, self._lock_label = label(kind="section"), label(kind="muted", wrap=True)
         self._unlock_button = button("unlock_schedule_button", pressed=self.unlock_requested)
         self._reset_button = button("reset_schedule_button", "engineer.reset", lambda: self.form.reset())
@@ -73,6 +75,7 @@ class ChoicePanel(QFrame):
             self._lock_label,
             self._unlock_button,
             self.selector,
+            self._solved,
             self._heading,
             (self._area, 1),
             row(self._reset_button, (self._save_button, 1)),
@@ -80,6 +83,7 @@ class ChoicePanel(QFrame):
             on=self,
             margins=(2 * theme.GRID, theme.GRID, theme.GRID, theme.GRID),
         )
+        self.selector.changed.connect(self._show_solved)
         self.selector.changed.connect(self.changed)
         self.selector.current_changed.connect(self._show_form)
         on_language_change(self, self._show_texts)
@@ -165,6 +169,18 @@ class ChoicePanel(QFrame):
         if self._warning is not None:
             show_text(self._problem, say(self._warning))
         show_text(self._product, self._name and say("engineer.for_product", product=product_text(self._name)))
+        self._show_solved()
+
+    def _show_solved(self) -> None:
+        """Show which parameters the selected stages solve; a run writes all of them, not only those of its part."""
+        options, stages = self._options, self.selector.stages if self.selector.isVisibleTo(self) else ()
+        text = ""
+        if options is not None and stages:
+            names = [name for stage in stages for name in options.estimates.get(stage, ())]
+            code = "engineer.solved_and_written" if options.writes else "engineer.solved"
+            groups = list(dict.fromkeys(map(group_of, names)))
+            text = say(f"{code}_all" if {*NAMES} <= {*names} else code, names=groups)
+        show_text(self._solved, text)
 
     def _show_edited(self) -> None:
         """Scroll to the field with the focus and its message after the form has grown or its area has shrunk."""
@@ -292,8 +308,9 @@ class StageSelector(QWidget):
             if 0 < count < len(stages):
                 check.setCheckState(Qt.CheckState.PartiallyChecked)
             else:
+                # unlike setChecked, this also redraws a box that was partly ticked
+                check.setCheckState(Qt.CheckState.Checked if count else Qt.CheckState.Unchecked)
                 check.setTristate(False)
-                check.setChecked(bool(count))
         for stage_row in self._rows:
             stage_row.number.setText(str(selected.index(stage_row.stage) + 1) if stage_row.stage in selected else "")
         self.changed.emit()

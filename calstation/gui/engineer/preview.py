@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.config import RunRequest
 from calstation.errors import CalstationError
+from calstation.gui.engineer.registers_view import UNNAMED
 from calstation.gui.state import AppContext
 from calstation.gui.text import duration_text, on_language_change, say, step_sentence, term
 from calstation.gui.widgets import (
@@ -47,6 +48,7 @@ class PreviewView(QWidget):
         #: Whether the selection has changed since the displayed preview was started, and since the latest start.
         self._outdated = self._next_outdated = False
         self._error: CalstationError | None = None
+        self._unit_named = False  #: Whether the latest preview was started with a serial number.
         self.watch = app.job(self, compute_preview, self._done, failed=self._show_error, cancelled=self._refresh)
         self._job = JobRow(self.watch)
         self.button = button("preview_button", "engineer.preview", self._start)
@@ -77,7 +79,9 @@ class PreviewView(QWidget):
 
     def _start(self) -> None:
         self._next_outdated = False
-        self.watch.start(self._request())
+        request = self._request()
+        self._unit_named = request.serial != UNNAMED
+        self.watch.start(request)
         self._show_error(None)
 
     def _done(self, preview: Preview) -> None:
@@ -115,7 +119,7 @@ class PreviewView(QWidget):
                 self._badge.show_state("waiting", say("engineer.preview_outdated"))
             else:
                 problems += _problem_texts(preview)
-                ends = "   ".join(_end_texts(preview))
+                ends = "   ".join(_end_texts(preview, unit_named=self._unit_named))
                 self._badge.show_state(*_verdict(preview))
         self._summary.setText(summary)
         self._problems.setText("\n".join(problems))
@@ -206,7 +210,7 @@ def _problem_texts(preview: Preview) -> list[str]:
     return problems
 
 
-def _end_texts(preview: Preview) -> list[str]:
+def _end_texts(preview: Preview, *, unit_named: bool) -> list[str]:
     """Return what ends each repeated stage, which stages miss their targets, and why sigmas cannot be predicted."""
     repeated = [stage for stage in preview.stages if stage.reason not in ("", "plan")]
     ends = [
@@ -215,7 +219,7 @@ def _end_texts(preview: Preview) -> list[str]:
     ]
     ends += [say("engineer.ends_before_targets", stage=stage.stage) for stage in repeated if stage.missed]
     if preview.partial and not preview.calibrated:
-        ends.append(say("engineer.preview_uncalibrated"))
+        ends.append(say("engineer.preview_uncalibrated" if unit_named else "engineer.preview_without_unit"))
     return ends + [_error_text(s.stage, s.error) for s in preview.stages if s.error and not s.predictable]
 
 
