@@ -228,9 +228,9 @@ def test_details_give_the_reason(page: HistoryPage, runs: dict[str, Path], qtbot
     assert page.details.reason_label.text() == "Every value is within its limits."
     assert len(page.details.trend._plot.listDataItems()[0].xData) == 3
     select_row(page, 2, qtbot)
-    assert page.details.reason_label.text().startswith("No more data arrive.\nCheck cable, power and port.\n")
+    assert page.details.reason_label.text().startswith("No more data arrive.\nCheck cable, power and port.")
     language.use("zh_CN")
-    qtbot.waitUntil(lambda: page.details.reason_label.text().startswith("数据中断。\n"), timeout=WAIT)
+    qtbot.waitUntil(lambda: page.details.reason_label.text().startswith("数据中断。"), timeout=WAIT)
     language.use("en")
     assert not button(page, "history_log_button").isEnabled()
     select_row(page, 3, qtbot)

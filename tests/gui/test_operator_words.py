@@ -273,14 +273,14 @@ def test_reason_of_a_failure_is_the_most_likely_cause_in_whole_sentences() -> No
     language.use("en")
 
 
-def test_figures_of_a_stopped_run_name_their_stage() -> None:
-    for code, words in (("en", "after the last completed stage, Rate;"), ("zh_CN", "最后完成的阶段：速率；")):
-        language.use(code)
-        note = advice.figures_note(result_with(outcome="stopped", stages=["rate"]))
-        assert words in note
-        assert not advice.figures_note(result_with(outcome="stopped", stages=[]))
-        assert not advice.figures_note(result_with(outcome="passed", stages=["rate"]))
-    language.use("en")
+def test_a_run_without_a_verdict_shows_no_figures() -> None:
+    """Those that pass so far would contradict the failed checks on the Engineer page."""
+    row = {"value": 1e-4, "unit": "1", "stage": "rate", "sigma": 1e-6}
+    checks = [check_row("within", f"gyro_scale_{axis}", 1e-4, [-1e-3, 1e-3], passed=axis == "x") for axis in "xy"]
+    values = {"parameters": {f"gyro_scale_{axis}": row for axis in "xy"}, "checks": checks}
+    assert len(advice.figures(result_with(**values, outcome="failed"))) == 2
+    for outcome in ("stopped", "fault"):
+        assert advice.figures(result_with(**values, outcome=outcome)) == []
 
 
 def test_decimal_points_of_figures_are_aligned(qtbot: QtBot) -> None:

@@ -30,7 +30,7 @@ from calstation.config import access as role
 from calstation.config.editing import check_data
 from calstation.connection import SerialPortInfo
 from calstation.devices.links.serial_link import Reason
-from calstation.errors import DeviceFaultError
+from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.settings import StationPage
 from calstation.gui.settings import page as page_module
@@ -492,6 +492,15 @@ def test_a_new_station_is_a_copy_and_is_remembered(page_driver: PageDriver, site
     assert AppContext().station_path == path, "remembered at the next start"
     page_driver.choose("station_combo", "virtual_bench (virtual bench)")
     assert page_driver.app.station_path == library.find("stations", "virtual_bench")
+
+
+def test_a_copied_product_does_not_keep_the_name_of_its_source(page_driver: PageDriver, site_folder: Any) -> None:
+    product = page_driver.page.drafts.create("products", "nav_8", library.find("products", "nav_a"))
+    assert product == site_folder.home / "products" / "nav_8.toml"
+    assert saved(product) == {**saved(library.find("products", "nav_a")), "name": "nav_8"}
+    product.write_text("name = \n", encoding="utf-8")
+    with pytest.raises(ConfigurationError):
+        page_driver.page.drafts.create("products", "nav_9", product)
 
 
 def test_file_from_another_folder_is_saved_under_an_unused_name(page_driver: PageDriver, tmp_path: Path) -> None:

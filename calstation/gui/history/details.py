@@ -208,7 +208,7 @@ class RunDetails(QFrame):
         reason = self._outcome_in_doubt(run) if doubt and run.altered else self._reason(run)
         registers = "" if self._result is None else advice.register_state(self._result, run.log.parent)
         registers = registers[:1].upper() + registers[1:]
-        texts = doubt, *advice.result_notes(self._result), reason, registers, advice.figures_note(self._result)
+        texts = doubt, *advice.result_notes(self._result), reason, registers
         show_text(self.reason_label, "\n".join(filter(None, texts)))
         self._update_buttons(run)
 

@@ -73,13 +73,6 @@ def reason(outcome: str, result: Result | None, run: RunStatus | None = None) ->
     return joined(first, more, language.current())
 
 
-def figures_note(result: Result | None) -> str:
-    """Return a note on the stage that determined the figures of a run without a verdict; "" for other runs."""
-    if result is None or result.verdict.judged or not result.stages:
-        return ""
-    return say("advice.figures_of", stage=result.stages[-1])
-
-
 def result_notes(result: Result | None) -> list[str]:
     """Return notes on stages ended by hand, overrides and the release of a failed unit."""
     notes = []
@@ -171,9 +164,10 @@ def figures(result: Result) -> list[Figure]:
     """Return the failing parameters and checks in descending order of their ratio to the limit, then the passing ones.
 
     For the passing parameters of a group, only the parameter nearest to its limit is returned. If there are too many
-    figures, near misses take precedence. An incomplete run has no failing figures.
+    figures, near misses take precedence. A run without a verdict has no figures: later stages would have changed them.
     """
-    judged = result.verdict.judged
+    if not result.verdict.judged:
+        return []
     failing: list[tuple[float, Figure]] = []
     passing: dict[str, tuple[float, Figure]] = {}
     checks = {(check.kind, check.subject): check for check in result.checks}
@@ -184,14 +178,13 @@ def figures(result: Result) -> list[Figure]:
         ratio = max(limit_ratio(within), limit_ratio(below))
         group = PARAMETERS[INDEX[name]].group
         if any(check is not None and not check.passed for check in (within, below)):
-            if judged:
-                failing.append((ratio, replace(_figure(name, row, within, below), name=_worst_name(result, name))))
+            failing.append((ratio, replace(_figure(name, row, within, below), name=_worst_name(result, name))))
         elif (within or below) and ratio >= passing.get(group, (-1.0, None))[0]:
             passing[group] = (ratio, replace(_figure(name, row, within, below), name=_worst_name(result, name)))
     parameters = [passing[group][1] for group in GROUPS if group in passing]
     rows = list(parameters)
     for check in result.checks:
-        if is_parameter_check(check) or not (is_product_check(check) if check.passed else judged):
+        if is_parameter_check(check) or (check.passed and not is_product_check(check)):
             continue
         text = check_text(check)
         figure = Figure(

@@ -295,8 +295,7 @@ class VerdictPanel(QFrame):
         shown = result if text is None else None
         figures = [] if shown is None else advice.figures(shown)
         void = say("advice.old_label_void") if self._label_void and not released else ""
-        note = advice.figures_note(result) if figures else ""
-        notes = filter(None, (void, note, *advice.result_notes(result), *remarks))
+        notes = filter(None, (void, *advice.result_notes(result), *remarks))
         for widget, content in (
             (self._source, say("operator.where", source=text.source) if text and text.source else ""),
             (self.action_label, self.next_action()),

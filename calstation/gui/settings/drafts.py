@@ -219,7 +219,9 @@ class Drafts(QObject):
             self.saved.emit(draft.kind)
 
     def create(self, kind: str, name: str, source: Path) -> Path:
-        """Copy a file under a new name, and return the path; a copied station file also states the new name.
+        """Copy a file under a new name, and return the path; the copy also states the new name.
+
+        Runs of two products with the same name could not be distinguished.
 
         Raises
         ------
@@ -227,7 +229,7 @@ class Drafts(QObject):
             If the name is already used or not allowed.
         """
         text = editing.read_text(source)
-        if kind == "stations":
+        if "name" in _parsed(text):
             text = editing.edit_toml(text, {("name",): name})
         versions.save(kind, editing.new_name(kind, name), text, self.author)
         self.saved.emit(kind)
