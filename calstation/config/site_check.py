@@ -155,10 +155,10 @@ def site_advice(
             warnings.append(Finding("gravity_off", "warning", values))
         elif abs(gravity_mps2 - expected) < _COMPUTED_GRAVITY:
             warnings.append(Finding("gravity_normal", "warning"))
-    if expected is not None and gravity_mps2 is None and isinstance(gravity_sigma_mps2, float | int):
-        if 0.0 < gravity_sigma_mps2 < NORMAL_GRAVITY_SIGMA:
-            ppm = {"sigma_ppm": gravity_sigma_mps2 / expected * 1e6, "normal_ppm": NORMAL_GRAVITY_SIGMA / expected * 1e6}
-            warnings.append(Finding("gravity_sigma_small", "warning", ppm))
+    sigma = gravity_sigma_mps2 if isinstance(gravity_sigma_mps2, float | int) else 0.0
+    if expected is not None and gravity_mps2 is None and 0.0 < sigma < NORMAL_GRAVITY_SIGMA:
+        ppm = {"sigma_ppm": sigma / expected * 1e6, "normal_ppm": NORMAL_GRAVITY_SIGMA / expected * 1e6}
+        warnings.append(Finding("gravity_sigma_small", "warning", ppm))
     if latitude_deg == 0 and longitude_deg == 0:
         warnings.append(Finding("null_island", "warning"))
     if azimuth_deg is None and isinstance(latitude_deg, float | int) and 90.0 >= abs(latitude_deg) > _NEAR_POLE:

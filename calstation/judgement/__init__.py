@@ -23,6 +23,7 @@ from calstation.judgement.judge import (
 from calstation.judgement.limits import (
     COVERAGE_FACTOR,
     acceptance_interval,
+    change_sigma,
     check_limits,
     estimated_stage,
     final_checks,

@@ -1,5 +1,6 @@
 """Comparison of a chain of solutions with the limits of its product."""
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
@@ -220,18 +221,23 @@ def check_prior(prior: Posterior, solutions: Sequence[Solution], stated: Collect
     return [replace(check, diagnosis=diagnosis)]
 
 
-def _changes(prior: Posterior, after_data: Posterior, names: Sequence[str]) -> dict[str, float]:
-    """Return the change of each parameter by the data, in standard deviations of the change expected from the prior.
+def change_sigma(before: float, after: float) -> float | None:
+    """Return the standard deviation of the change of an estimate by more data, or None if the data do not improve it.
 
-    The variance of the change is the decrease of the parameter's variance.
+    Its variance is the decrease of the estimate's variance; `before` and `after` are the estimate's sigmas.
     """
-    before, after = np.diag(prior.covariance), np.diag(after_data.covariance)
+    variance = before**2 - after**2
+    return math.sqrt(variance) if variance > _RESOLVED * before**2 else None
+
+
+def _changes(prior: Posterior, after_data: Posterior, names: Sequence[str]) -> dict[str, float]:
+    """Return the change of each parameter by the data, in standard deviations of the change expected from the prior."""
     changes = {}
     for name in names:
         i = INDEX[name]
-        variance = before[i] - after[i]
-        if variance > _RESOLVED * before[i]:
-            changes[name] = float(abs(after_data.mean[i] - prior.mean[i]) / np.sqrt(variance))
+        sigma = change_sigma(float(prior.sigma[i]), float(after_data.sigma[i]))
+        if sigma is not None:
+            changes[name] = float(abs(after_data.mean[i] - prior.mean[i])) / sigma
     return changes
 
 

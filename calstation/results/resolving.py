@@ -271,6 +271,14 @@ class FinishedRun:
     previous_utc: str = ""  #: Start of the latest run in `previous`, ISO 8601; "" if none is.
     #: Limits of the product in the log, SI, by parameter or group; empty if the log cannot be read.
     limits: Mapping[str, Limit] = field(default_factory=dict)
+    #: Sigmas of the current calibration with which a partial run started, SI, by parameter; empty for other runs.
+    prior_sigmas: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def updates_previous(self) -> bool:
+        """Whether the run started from the calibration of the previous run and updated it."""
+        calibration = self.result.calibration
+        return calibration is not None and calibration.started_utc == self.previous_utc
 
     @property
     def runs(self) -> Path:
@@ -301,12 +309,15 @@ def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> Finis
         previous, previous_utc = history.previous(result.serial, result.product, result.started_utc)
     labels: Mapping[int, tuple[str | float, ...]] = {}
     limits: Mapping[str, Limit] = {}
+    sigmas: dict[str, float] = {}
     with suppress(InputError):  # a missing or damaged log does not affect the result
         if log is not None:
             opened = open_log(log)
             limits = opened.meta.product.limits if opened.meta.product is not None else {}
+            priors = ((name, opened.meta.prior.get(name)) for name in opened.meta.calibrated)
+            sigmas = {name: prior.sigma for name, prior in priors if prior is not None and prior.sigma is not None}
             labels = step_labels(opened.events)
-    return FinishedRun(result, log, previous, labels, previous_utc, limits)
+    return FinishedRun(result, log, previous, labels, previous_utc, limits, sigmas)
 
 
 def resolve_with_state(report: ProgressCallback, run: FinishedRun, state: EffectName) -> FinishedRun:

@@ -19,6 +19,7 @@ from calstation.judgement import (
     Conformity,
     End,
     StandardComparison,
+    change_sigma,
     needs_full_calibration,
     short_names,
     verdict_of,
@@ -314,15 +315,18 @@ class Result(ResultSection):
         return self.registers is not None and self.registers.verified
 
 
-def in_sigma(later: Parameter, earlier: Parameter, *, independent: bool = False) -> float:
+def in_sigma(later: Parameter, earlier: Parameter, *, independent: bool = False, updated: bool = False) -> float:
     """Return the difference of two estimates of a parameter, later minus earlier, in sigmas of the difference.
 
     If one estimate uses part of the other's data, the sigma of the difference is at most the larger sigma (J. A.
     Hausman, *Specification Tests in Econometrics*, Econometrica 46(6), 1978, lemma 2.1), which is used; for
-    `independent` data, the sigmas are added in quadrature.
+    `independent` data, the sigmas are added in quadrature. If the later estimate is the earlier one `updated` with more
+    data, the sigma is that of the check "change" (`change_sigma`).
     """
     difference = later.value - earlier.value
     sigma = math.hypot(later.sigma, earlier.sigma) if independent else max(later.sigma, earlier.sigma)
+    if updated:
+        sigma = change_sigma(earlier.sigma, later.sigma) or sigma
     return difference / sigma if sigma > 0.0 else 0.0 if difference == 0.0 else float("inf")
 
 

@@ -1,6 +1,7 @@
 """The engineer page, operated by clicks: stages and schedules, preview, run, analysis, registers."""
 
 import json
+import math
 import re
 import tomllib
 from collections.abc import Callable, Mapping
@@ -1004,10 +1005,29 @@ def test_value_of_the_current_calibration_has_limits_but_is_not_judged(
         verdict,
     ]
     assert x["in_sigma"].strip() == change
-    assert y["in_sigma"].strip() == "-0.24"
+    assert y["in_sigma"].strip() == "-0.33", "a run that contains data of the calibration is not independent of it"
     assert why in x["hint"]
     assert y["hint"]
     assert y["hint"] != x["hint"]
+
+
+def test_change_from_the_calibration_with_which_a_run_started_is_that_of_the_check(
+    app: AppContext, qtbot: QtBot
+) -> None:
+    row = {"value": 3.0e-6, "sigma": 4.0e-7, "unit": "rad/s", "stage": "azimuth_flip"}
+    started = "2026-01-01T00:00:00+00:00"
+    calibration = {"log": "a.h5", "started_utc": started, "not_improved": []}
+    run = replace(
+        finished_run({"gyro_bias_x": row}, partial=True, calibration=calibration),
+        previous={"gyro_bias_x": Parameter(value=2.4e-6, sigma=5.0e-7)},
+        previous_utc=started,
+    )
+    view = ResultView(JobWatch(app, Job), ReleaseBar(app, "release"))
+    qtbot.addWidget(view)
+    for sigmas, expected in (({}, "2.0"), ({"gyro_bias_x": math.hypot(4e-7, 2e-7)}, "3.0")):
+        view.show_run(replace(run, prior_sigmas=sigmas))
+        shown = view.findChild(CellTable, "result_table").cells["gyro_bias_x"]["in_sigma"].strip()
+        assert float(shown) == pytest.approx(float(expected), rel=0.01)
 
 
 @pytest.mark.parametrize("code", ["en", "zh_CN"])

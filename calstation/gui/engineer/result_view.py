@@ -233,8 +233,10 @@ def _cells(finished: FinishedRun, name: str) -> dict[str, str]:
         before, now = _display(name, previous.value)[0], _display(name, at_reference.value)[0]
         cells["previous"] = number(before, sigma)
         cells["change"] = "0" if before == now else number(now - before, sigma)
-        # a trial with an added state solves the same data again
-        sigmas = in_sigma(at_reference, previous, independent=not result.states_added)
+        # a trial with an added state solves the same data again, and a partial run starts from a calibration
+        independent, updated = not (result.states_added or result.calibration), finished.updates_previous
+        before_run = previous.model_copy(update={"sigma": finished.prior_sigmas.get(name, previous.sigma)})
+        sigmas = in_sigma(at_reference, before_run if updated else previous, independent=independent, updated=updated)
         cells["in_sigma"] = "0" if before == now else sigmas_text(sigmas)
         if not_improved:  # the value was kept, so a change of 0 is no evidence of repeatability
             cells["in_sigma"] = say("engineer.not_improved")
