@@ -927,7 +927,8 @@ def test_registers_are_read_compared_and_written_after_confirmation(engineer: En
     assert "12–15, 19, 23" in engineer.says()
     assert "flash write number 1" in engineer.says()
     assert register_journal.history(engineer.site_folder.runs, SERIAL) == []
-    assert "The table of “test bench” moves" in engineer.says()
+    assert "Do not touch the unit. “Write, table at rest” does not move the table." in engineer.says()
+    assert "For “Write and turn the table”, the table of “test bench” moves" in engineer.says()
     engineer.press("confirm_write_button")
     assert engineer.widget("stop_button", QPushButton).isEnabled()
     engineer.until(lambda: "being written" in engineer.says())

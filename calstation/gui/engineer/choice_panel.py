@@ -177,9 +177,11 @@ class ChoicePanel(QFrame):
         text = ""
         if options is not None and stages:
             names = [name for stage in stages for name in options.estimates.get(stage, ())]
-            code = "engineer.solved_and_written" if options.writes else "engineer.solved"
-            groups = list(dict.fromkeys(map(group_of, names)))
-            text = say(f"{code}_all" if {*NAMES} <= {*names} else code, names=groups)
+            if {*NAMES} <= {*names}:
+                text = say("engineer.solved_and_written_all" if options.writes else "engineer.solved_all")
+            else:
+                groups = list(dict.fromkeys(map(group_of, names)))
+                text = say("engineer.solved_and_written" if options.writes else "engineer.solved", names=groups)
         show_text(self._solved, text)
 
     def _show_edited(self) -> None:
