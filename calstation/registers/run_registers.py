@@ -1,7 +1,8 @@
 """Registers that a run wrote, and the latest registers of a unit, according to its journal."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 
 from calstation.config import StationConfig, site_folder
@@ -17,7 +18,7 @@ class RunRegisters:
     """Registers that a run wrote to its unit.
 
     transfer : transfer of the run; None if the journal does not contain it
-    later : latest transfer to the unit since then if it wrote other values; None otherwise
+    later : first transfer since then after which the unit has always had other values; None if it has those of the run
     """
 
     registers: Registers
@@ -92,8 +93,14 @@ def run_registers(result: Result, runs: Path) -> RunRegisters | None:
         transfers = journal.history(folder, result.serial)
         own = next((n for n, each in enumerate(transfers) if (each.why, each.source) == ("run", log)), None)
         if own is not None:
-            latest = journal.in_unit(transfers[own + 1 :])
-            replaced = latest is not None and latest.new != transfers[own].new
+            later = _replacement(transfers[own], transfers[own + 1 :])
             written = registers.new is not None or journal.in_unit(transfers[own : own + 1]) is not None
-            return RunRegisters(registers, transfers[own], latest if replaced else None) if written else None
+            return RunRegisters(registers, transfers[own], later) if written else None
     return None if registers.new is None else RunRegisters(registers)
+
+
+def _replacement(own: Transfer, later: Sequence[Transfer]) -> Transfer | None:
+    """Return the transfer that replaced the values of `own`, or None if they are in the unit."""
+    effective = [each for each in later if journal.in_unit([each]) is not None]
+    others = list(takewhile(lambda each: each.new != own.new, reversed(effective)))
+    return others[-1] if others else None

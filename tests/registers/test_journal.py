@@ -267,6 +267,12 @@ def write(
 
 def state(runs: Path, *, verified: bool = True, new: dict[str, float] | None = NEW_OF_RUN) -> str:
     """Return the statement about the registers of the run ``a.h5``, without times; "" if it wrote none."""
+    found = run_registers(result_of_run(verified=verified, new=new), runs)
+    return "" if found is None else ", ".join(re.sub(r" \d{4}-[^,]*", "", sentence(text)) for text in found.texts)
+
+
+def result_of_run(*, verified: bool = True, new: dict[str, float] | None = NEW_OF_RUN) -> Result:
+    """Return the result of the run ``a.h5``."""
     written = {"verified": True, "written_utc": "2026-11-21T15:04:00+00:00"} if verified else {}
     result = {
         "schema": SCHEMA,
@@ -277,8 +283,21 @@ def state(runs: Path, *, verified: bool = True, new: dict[str, float] | None = N
         "log": {"file": "/gone/a.h5"},
         "registers": {"new": new, **written},
     }
-    found = run_registers(Result.from_json(result), runs)
-    return "" if found is None else ", ".join(re.sub(r" \d{4}-[^,]*", "", sentence(text)) for text in found.texts)
+    return Result.from_json(result)
+
+
+def test_time_of_a_replacement_is_that_of_the_first_transfer_of_other_values(tmp_path: Path) -> None:
+    run = write(tmp_path, NEW_OF_RUN, "a.h5")
+    write(tmp_path, {"gyro_bias_x": 2.0}, "b.h5")
+    write(tmp_path, NEW_OF_RUN, "back")
+    other = write(tmp_path, {"gyro_bias_x": 3.0}, "c.h5")
+    latest = write(tmp_path, {"gyro_bias_x": 4.0}, "d.h5")
+    found = run_registers(result_of_run(), tmp_path)
+    assert found is not None
+    assert found.transfer is not None
+    assert found.later is not None
+    assert (found.transfer.id, found.later.id) == (run.id, other.id)
+    assert latest.id > other.id
 
 
 def test_journal_says_whether_the_registers_of_a_run_are_still_in_the_unit(tmp_path: Path) -> None:
