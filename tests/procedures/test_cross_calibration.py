@@ -359,8 +359,10 @@ def test_out_of_tolerance_primary_prevents_calibration(mems):
     # each sensor is judged separately: if only the gyros are out of tolerance, the accelerometers are still calibrated
     for sensors in ("triggering", "all"):
         watch = watch_of(primary, [secondary], primary_gyro={"fixed": 1e-6}, sensors=sensors)
-        kinds = [e.kind for e in run(watch, block)]
+        events = run(watch, block)
+        kinds = [e.kind for e in events]
         assert kinds == ["triggered", "checked", "primary_off", "calibrating", "calibrated"]
+        assert events[-1].values == {"sensors": ["accel"], "skipped": ["gyro"]}
         assert watch.checks[2].primary_out_of_tolerance == ("gyro",)
         fitted = watch.calibrated[2].fit.fitted
         assert not fitted[:12].any()

@@ -201,7 +201,8 @@ class _EventPrinter:
         begin = self._start or 0.0
         for event in events:
             values = {name: _imu_names(value) for name, value in event.values.items()}
-            text = say(f"cli.watch_{event.kind}", **{"number": event.number, **values})
+            partly = "_partly" if event.values.get("skipped") else ""
+            text = say(f"cli.watch_{event.kind}{partly}", **{"number": event.number, **values})
             show_line(self._out, f"{event.time - begin:9.1f} s  {text}")
         if self._waiting and len(block):
             self._show_state(float(block.time[-1]) - begin, watch)

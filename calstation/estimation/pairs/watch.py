@@ -251,7 +251,8 @@ class PairWatch:
                 deviation = check.secondary[sensor]
                 if not deviation.within and value is not None and value <= deviation.limit:
                     self.verdicts[number][sensor] = "calibrated"
-            events.append(WatchEvent("calibrated", now, number, {"sensors": list(result.static)}))
+            skipped = [s for s in SENSORS if not (check.secondary[s].within or s in result.static)]
+            events.append(WatchEvent("calibrated", now, number, {"sensors": list(result.static), "skipped": skipped}))
             try:
                 self._store(number, result.stored)
             except ConfigurationError as error:

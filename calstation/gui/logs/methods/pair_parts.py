@@ -7,6 +7,7 @@ from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPaintEvent, QPen
 from PySide6.QtWidgets import QGridLayout, QWidget
 
+from calstation.estimation.pairs import WatchEvent
 from calstation.gui.text import duration_text, on_language_change, term
 from calstation.gui.widgets import PlainLabel, StateBadge, clear, draw_state, label, state_colour, theme
 from calstation.results import PairProgress
@@ -134,7 +135,7 @@ class Timeline(QWidget):
         painter.setPen(QColor(c.text if p.time < p.duration else c.muted))
         painter.drawText(top, middle, _state_text(p) if p.time < p.duration else duration_text(0.0))
         ends = [0.0] * _LANES
-        events = [(left + scale * h.time, h.kind, term("pair", f"event_{h.kind}", number=h.number)) for h in p.events]
+        events = [(left + scale * h.time, h.kind, event_sentence(h)) for h in p.events]
         for x, kind, text in _merge_overlapping(events):
             width = painter.fontMetrics().horizontalAdvance(text) + theme.GRID
             begin = min(max(x - _MARK / 2, 0.0), self.width() - width)
@@ -149,6 +150,12 @@ class Timeline(QWidget):
                 ends[lane] = begin + width
                 painter.setPen(QColor(c.text))
                 painter.drawText(QRectF(begin, _TOP + _MARK + lane * _LANE + 2, width, _LANE), middle, text)
+
+
+def event_sentence(event: WatchEvent) -> str:
+    """Return the text of an event; a calibration names its sensors, and those that lack a reference in the primary."""
+    code = "event_calibrated_partly" if event.values.get("skipped") else f"event_{event.kind}"
+    return term("pair", code, number=event.number, **event.values)
 
 
 def _state_text(progress: PairProgress) -> str:
