@@ -17,9 +17,12 @@ from calstation.config import RunRequest, library, pair_folder
 from calstation.connection import OtherUnit, PairProcess, PairStatus
 from calstation.errors import CalstationError, InputError
 from calstation.estimation.common import SampleBlock
+from calstation.estimation.pairs import WatchEvent
 from calstation.gui.logs.methods import MethodPanel, pair_live
+from calstation.gui.logs.methods.pair_parts import event_sentence
 from calstation.gui.operator import advice
 from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.state.run_strip import run_badge
 from calstation.gui.text import check_text, language
 from calstation.gui.widgets import ChecksTable, theme
 from calstation.judgement import Check
@@ -477,6 +480,33 @@ def test_live_watch_uses_the_selected_product(
     assert view.badge.text() == "opening the ports"
     view.close_watch()
     assert window.app.run.display_state == "not_ready"
+    for code, words in (("en", "READY TO WATCH"), ("zh_CN", "可以监测")):
+        language.use(code)
+        assert run_badge(window.app.run) == ("none", words)
+    language.use("en")
+    window.app.set_station(library.find("stations", "virtual_bench"))
+    assert not window.app.run.needs_no_run
+
+
+@pytest.mark.parametrize(
+    ("code", "texts"),
+    [
+        (
+            "en",
+            (
+                "IMU 2: accelerometer calibrated, gyro not: primary out of tolerance",
+                "IMU 2: gyro, accelerometer calibrated",
+            ),
+        ),
+        ("zh_CN", ("IMU 2 的加表已标定，陀螺未标定：主 IMU 超差", "IMU 2 的陀螺、加表已标定")),
+    ],
+)
+def test_a_calibration_of_a_pair_names_its_sensors(code: language.Language, texts: tuple[str, str]) -> None:
+    language.use(code)
+    for (sensors, skipped), text in zip(((["accel"], ["gyro"]), (["gyro", "accel"], [])), texts, strict=True):
+        event = WatchEvent("calibrated", 1.0, 2, {"sensors": sensors, "skipped": skipped})
+        assert event_sentence(event) == text
+    language.use("en")
 
 
 @pytest.mark.parametrize(

@@ -471,7 +471,7 @@ def test_interrupted_unit_scanned_again_is_resumed_or_restarted(
     operator.scan("SN-000003")
     assert "SN-000003 was interrupted in stage 2" in operator.says()
     assert not operator.widget("start_button").isEnabled()
-    assert operator.message == "Answer the question above first."
+    assert operator.message == "Answer the question on this page first."
     assert "READY" not in operator.says().split("\n")
     operator.press("cancel_choice")
     operator.press("start_button")

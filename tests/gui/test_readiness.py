@@ -128,7 +128,7 @@ def test_question_before_a_start_replaces_the_message_about_enter(
     assert "Enter" in operator.message
     operator.press("start_button")
     assert operator.widget("cancel_choice", QPushButton).isVisible()
-    assert operator.message == "Answer the question above first."
+    assert operator.message == "Answer the question on this page first."
 
 
 @pytest.mark.long
@@ -185,8 +185,8 @@ def test_a_notice_does_not_move_the_buttons_of_a_verdict(simulated_run: Operator
 @pytest.mark.parametrize(
     ("code", "answer", "ready", "not_ready"),
     [
-        ("en", "Answer the question above first.", "READY", "NOT READY"),
-        ("zh_CN", "请先回答上面的问题。", "可以开始", "未就绪"),
+        ("en", "Answer the question on this page first.", "READY", "NOT READY"),
+        ("zh_CN", "请先回答本页的问题。", "可以开始", "未就绪"),
     ],
 )
 def test_question_before_a_start_is_answered_first(

@@ -74,6 +74,7 @@ def test_pair_station_leads_to_its_live_monitoring(operator: Operator) -> None:
     ):
         operator.window.app.set_language(language)
         assert operator.message == text
+        assert operator.says().count(text) == 2, "also below the reason, because no run ever becomes possible"
     operator.press("show_watch_button")
     page = operator.window.offline_page
     assert page.isVisible()

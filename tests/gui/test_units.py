@@ -767,7 +767,7 @@ def test_interrupted_batch_is_resumed_together_from_its_page(operator: Operator,
     operator.until(lambda: "2 units interrupted in stage 2" in operator.says())
     start = operator.widget("start_button", QPushButton)
     assert serials(operator) == ("", "", "")  # nobody has scanned a unit
-    for language, why in (("zh_CN", "请先回答上面的问题。"), ("en", "Answer the question above first.")):
+    for language, why in (("zh_CN", "请先回答本页的问题。"), ("en", "Answer the question on this page first.")):
         app.set_language(language)
         assert not start.isEnabled()
         assert start.toolTip().startswith(why)

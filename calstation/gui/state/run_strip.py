@@ -126,6 +126,8 @@ def _state_badge(run: RunStatus) -> tuple[str, str]:
         worst = next((outcome for outcome in _WORST if counts[outcome]), run.display_state)
         text = term("unit_count", "comma").join(texts)
         return KINDS.get(worst, "none"), text if counts["partial"] else _marked(run, text)
+    if run.display_state == "not_ready" and run.needs_no_run:
+        return "none", term("badge", "to_watch")
     state = term("badge", run.display_state)
     if run.display_state == "monitoring" and run.monitoring is not None:
         return run.monitoring[0], state
