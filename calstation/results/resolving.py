@@ -273,6 +273,7 @@ class FinishedRun:
     limits: Mapping[str, Limit] = field(default_factory=dict)
     #: Sigmas of the current calibration with which a partial run started, SI, by parameter; empty for other runs.
     prior_sigmas: Mapping[str, float] = field(default_factory=dict)
+    changed_schedules: tuple[str, ...] = ()  #: Stages whose schedule differed from that of the product.
 
     @property
     def updates_previous(self) -> bool:
@@ -310,6 +311,7 @@ def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> Finis
     labels: Mapping[int, tuple[str | float, ...]] = {}
     limits: Mapping[str, Limit] = {}
     sigmas: dict[str, float] = {}
+    changed: list[str] = []
     with suppress(InputError):  # a missing or damaged log does not affect the result
         if log is not None:
             opened = open_log(log)
@@ -317,7 +319,9 @@ def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> Finis
             priors = ((name, opened.meta.prior.get(name)) for name in opened.meta.calibrated)
             sigmas = {name: prior.sigma for name, prior in priors if prior is not None and prior.sigma is not None}
             labels = step_labels(opened.events)
-    return FinishedRun(result, log, previous, labels, previous_utc, limits, sigmas)
+            changed = [s for e in opened.events if e.get("id") == "schedule_changed" for s in e["values"]["stages"]]
+    stages = tuple(dict.fromkeys(changed))
+    return FinishedRun(result, log, previous, labels, previous_utc, limits, sigmas, stages)
 
 
 def resolve_with_state(report: ProgressCallback, run: FinishedRun, state: EffectName) -> FinishedRun:

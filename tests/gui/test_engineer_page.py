@@ -1025,6 +1025,12 @@ def test_change_from_the_calibration_with_which_a_run_started_is_that_of_the_che
     )
     view = ResultView(JobWatch(app, Job), ReleaseBar(app, "release"))
     qtbot.addWidget(view)
+    view.show_run(replace(run, changed_schedules=("rate",)))
+    for code, words in (("en", "Changed schedule: Rate"), ("zh_CN", "流程参数已更改：速率")):
+        language.use(code)
+        view.refresh()
+        assert any(words in label.text() for label in view.findChildren(QLabel))
+    language.use("en")
     for sigmas, expected in (({}, "2.0"), ({"gyro_bias_x": math.hypot(4e-7, 2e-7)}, "3.0")):
         view.show_run(replace(run, prior_sigmas=sigmas))
         shown = view.findChild(CellTable, "result_table").cells["gyro_bias_x"]["in_sigma"].strip()

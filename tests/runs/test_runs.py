@@ -13,7 +13,7 @@ from calstation.config import library, versions
 from calstation.connection import Devices
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.records import export_csv, open_log
-from calstation.results import History, resolve
+from calstation.results import History, load_finished_run, resolve
 from calstation.runs import execute, run
 from calstation.sequencer import (
     Command,
@@ -327,3 +327,5 @@ def test_schedule_that_differs_from_the_product_is_an_event_of_the_run(
     execute(replace(site_folder.request("rate"), schedule={"rate": {"turns": turns}}), emit, site_folder.control)
     log = Path(site_folder.events_of(Finalized)[0].log)
     assert [e["values"]["stages"] for e in open_log(log).events if e.get("id") == "schedule_changed"] == expected
+    finished = load_finished_run(lambda _: None, log, site_folder.runs)
+    assert finished.changed_schedules == (("rate",) if expected else ())

@@ -167,6 +167,8 @@ class ResultView(QWidget):
         texts = []
         if result.product:
             texts.append(say("engineer.for_product", product=product_text(result.product)))
+        if finished.changed_schedules:
+            texts.append(say("operator.schedule_changed", stages=finished.changed_schedules))
         count, failed = len(result.checks), len(result.failed_checks)
         if count and (failed or result.verdict.judged):  # before the end of a run, passed checks mean little
             passed = count - failed
