@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from calstation.records.check_id import MODEL_KINDS, CheckId, CheckKind, read_check_ids
 from calstation.records.columns import RecordingMeta
 from calstation.records.convert import Correction, export_corrected, export_csv
-from calstation.records.csv_logs import CSV_SUFFIXES
+from calstation.records.csv_logs import CSV_SUFFIXES, meta_path
 from calstation.records.evidence import (
     AUDIT_EVENTS,
     KEY_VARIABLE,

@@ -545,7 +545,9 @@ def test_log_and_result_are_exported(page: OfflinePage, run_log: Path, tmp_path:
     rows = (tmp_path / "answer.csv").read_text("utf-8").splitlines()
     assert len(rows) == 1 + len(page.solved.result.to_json()["parameters"])
     save_as(page, "export_log_button", tmp_path / "copy", 0, qtbot)
-    assert str(tmp_path / "copy.csv") in page.notice.text_label.text()
+    for name in ("copy.csv", "copy.toml"):
+        assert (tmp_path / name).is_file()
+        assert str(tmp_path / name) in page.notice.text_label.text()
     copy = resolve(tmp_path / "copy.csv").result.to_json()["parameters"]
     assert copy == page.solved.result.to_json()["parameters"]
 

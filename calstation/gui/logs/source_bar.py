@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QMenu, QWidget
 from calstation.gui.state import FileExport
 from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import ask_open, button, enable, label, line_edit, row
-from calstation.records import CSV_SUFFIXES, FOREIGN_FORMATS, LOG_SUFFIXES
+from calstation.records import CSV_SUFFIXES, FOREIGN_FORMATS, LOG_SUFFIXES, meta_path
 from calstation.results import Result, export_log, export_result
 from calstation.results.plots import LogIndex
 
@@ -129,6 +129,7 @@ class Exports(FileExport):
             log.path.with_name(f"{_stem(log.path)}-{ending}.csv"),
             ["CSV (*.csv)", say("logs.csv_compressed")],
             lambda target: (export_log, log.path, target, first, last),
+            lambda target: [target, meta_path(target)],  # a CSV file cannot be read without the second one
         )
 
     def ask_result(self, log: Path, result: Result, stored: Result | None, ending: str = "offline") -> None:

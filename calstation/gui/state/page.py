@@ -100,22 +100,33 @@ class FileExport:
     def __init__(self, view: JobView, then: Callable[[], None] | None = None) -> None:
         self._view, self._then = view, then or view.setFocus
         self._target = Path()
+        self._files: Callable[[Path], list[Path]] = lambda target: [target]
         self.watch = view.job(
             None, self._show_written, failure="common.export_failed", cancelled=self._drop_partial, then=self._then
         )
         self._cleanup = view.app.job(view, drop_partial)
 
-    def ask(self, title: str, proposed: Path, kinds: list[str], work: Callable[[Path], tuple[Any, ...]]) -> None:
-        """Ask for a file, and start a job with the function and the arguments that `work` returns for it."""
+    def ask(
+        self,
+        title: str,
+        proposed: Path,
+        kinds: list[str],
+        work: Callable[[Path], tuple[Any, ...]],
+        files: Callable[[Path], list[Path]] = lambda target: [target],
+    ) -> None:
+        """Ask for a file, and start a job with the function and the arguments that `work` returns for it.
+
+        `files` returns all files that the job writes.
+        """
 
         def begin(target: Path) -> None:
-            self._target = target
+            self._target, self._files = target, files
             self.watch.start(*work(target))
 
         ask_file(self._view, title, proposed, kinds, begin)
 
     def _show_written(self, target: Path) -> None:
-        self._view.notice.inform("good", "common.written", lambda: str(target), self._then)
+        self._view.notice.inform("good", "common.written", lambda: "\n".join(map(str, self._files(target))), self._then)
 
     def _drop_partial(self) -> None:
         """Delete the partial file of a cancelled job."""
