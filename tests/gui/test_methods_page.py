@@ -22,7 +22,7 @@ from calstation.gui.logs.methods import MethodPanel, pair_live
 from calstation.gui.logs.methods.pair_parts import event_sentence
 from calstation.gui.operator import advice
 from calstation.gui.shell.main_window import MainWindow
-from calstation.gui.state.run_strip import run_badge
+from calstation.gui.state.run_strip import needs_no_run, run_badge
 from calstation.gui.text import check_text, language
 from calstation.gui.widgets import ChecksTable, theme
 from calstation.judgement import Check
@@ -485,7 +485,7 @@ def test_live_watch_uses_the_selected_product(
         assert run_badge(window.app.run) == ("none", words)
     language.use("en")
     window.app.set_station(library.find("stations", "virtual_bench"))
-    assert not window.app.run.needs_no_run
+    assert not needs_no_run(window.app.run)
 
 
 @pytest.mark.parametrize(

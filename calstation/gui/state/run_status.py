@@ -170,11 +170,6 @@ class RunStatus(QObject):
             return next((name for name, cause in causes.items() if cause is not None), self.state)
         return "writing" if self.register_operation and self.state == "running" else self.state
 
-    @property
-    def needs_no_run(self) -> bool:
-        """Whether the units of the station are on one body, so that they are watched live and no run is possible."""
-        return self.problem is not None and self.problem.code == "question.pair_station"
-
     def display_state_of(self, unit: UnitStatus) -> str:
         """Return the verdict on a unit, or the state of the run while the unit takes part in it."""
         return unit.verdict if unit.verdict and unit.slot else self.display_state

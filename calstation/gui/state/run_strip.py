@@ -95,6 +95,11 @@ def _units_text(serials: Sequence[str]) -> str:
     return serials[0] if len(serials) == 1 else say("operator.unit_count", count=len(serials))
 
 
+def needs_no_run(run: RunStatus) -> bool:
+    """Return whether the units of the station are on one body, so that they are only watched live."""
+    return run.problem is not None and run.problem.code == "question.pair_station"
+
+
 def run_badge(run: RunStatus) -> tuple[str, str]:
     """Return the shape and the text of the badge of a run.
 
@@ -126,7 +131,7 @@ def _state_badge(run: RunStatus) -> tuple[str, str]:
         worst = next((outcome for outcome in _WORST if counts[outcome]), run.display_state)
         text = term("unit_count", "comma").join(texts)
         return KINDS.get(worst, "none"), text if counts["partial"] else _marked(run, text)
-    if run.display_state == "not_ready" and run.needs_no_run:
+    if run.display_state == "not_ready" and needs_no_run(run):
         return "none", term("badge", "to_watch")
     state = term("badge", run.display_state)
     if run.display_state == "monitoring" and run.monitoring is not None:
