@@ -412,12 +412,14 @@ def test_changed_schedule_is_marked_on_the_operator_page_and_applies_to_one_run(
     engineer.press("stop_button")
     engineer.until_ended()
     assert engineer.window.app.schedule is None
-    assert engineer.page.choice.schedule == {}
     engineer.scan("SN-000044")
     assert not mark.isVisible()
     engineer.window.show_page("engineer_page")
-    assert engineer.widget("schedule_rate_dwell_s", QLineEdit).text() != "6.5"
+    assert engineer.widget("schedule_rate_dwell_s", QLineEdit).text() == "6.5"
     assert "the Operator page takes selection and changed schedule for one run only" in engineer.says()
+    engineer.window.show_page("operator_page")
+    assert not mark.isVisible()
+    assert engineer.window.app.schedule is None
 
 
 @pytest.mark.parametrize(
