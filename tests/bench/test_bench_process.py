@@ -219,6 +219,7 @@ def alive(pid):
         return False
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("config", "message"),
     [

@@ -177,6 +177,7 @@ def test_output_that_cannot_be_written_is_an_error(tmp_path: Path, redirection: 
     assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.long
 def test_output_that_its_reader_closed_is_no_error_of_python(tmp_path: Path) -> None:
     append_audit(tmp_path, "pin_set", "")
     for arguments in (["audit", "--file", audit_path(tmp_path)], ["--help"]):

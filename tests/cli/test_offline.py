@@ -141,6 +141,7 @@ def test_debug_shows_a_traceback(calstation: Callable[..., Done], tmp_path: Path
     assert "Traceback" in done.err
 
 
+@pytest.mark.long
 def test_help_is_shown_without_delay() -> None:
     """It takes at most about twice the import time of the parser and the console."""
     commands = (["-m", "calstation", "--help"], ["-c", "import typer, rich.console"])

@@ -26,6 +26,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.long
 def test_tables_show_yield_failed_checks_and_charts_of_every_product(calstation: Run, folder: Path) -> None:
     done = calstation("quality", "--out", folder)
     assert done.code == 0
@@ -147,6 +148,7 @@ def test_wrong_options_are_refused(
     assert shown in done.err
 
 
+@pytest.mark.long
 def test_gauge_study_is_planned_and_evaluated_from_stored_runs(calstation: Run, folder: Path, tmp_path: Path) -> None:
     plan = tmp_path / "plan.json"
     units = ("--product", "nav_a", "--units", "STUDY-01, STUDY-02")

@@ -14,6 +14,7 @@ from tests.cli.conftest import Done, six_position_rows, write_log
 Run = Callable[..., Done]
 
 
+@pytest.mark.long
 def test_pair_out_of_tolerance_is_calibrated_and_stored(
     calstation: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -209,6 +209,7 @@ def test_messages_are_not_stored_if_another_process_has_sent_some(url: str, stat
         assert connection.execute(select(runs.c.revision)).scalar_one() == made.outbox.revision
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("lost", ["index", "all", "some"])
 def test_runs_lost_by_the_database_or_an_index_are_restored(url: str, stations: tuple[Path, Path], lost: str) -> None:
     one, two = stations
@@ -504,6 +505,7 @@ def test_page_of_runs_needs_few_statements(url: str, stations: tuple[Path, Path]
     assert len(in_database(url)) == 50
 
 
+@pytest.mark.long
 def test_claims_are_exchanged_before_a_backlog_of_runs(url: str, stations: tuple[Path, Path]) -> None:
     one, two = stations
     for number in range(170):

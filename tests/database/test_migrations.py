@@ -67,6 +67,7 @@ def test_the_latest_heads_of_trails_are_found_by_an_index(tmp_path: Path) -> Non
     assert plan == ["SCAN trail_heads USING COVERING INDEX trail_heads_by_line"]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 @pytest.mark.parametrize("stride", [17, pytest.param(1, marks=pytest.mark.exhaustive)])
 def test_process_killed_while_creating_tables_leaves_a_usable_file(tmp_path: Path, stride: int) -> None:

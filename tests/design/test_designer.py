@@ -104,6 +104,7 @@ def test_front_of_a_search_contains_complete_schedules(monkeypatch):
     assert len(designer._complete_front(100.0, 0.65).points()) == 1
 
 
+@pytest.mark.long
 def test_json_uses_the_names_of_the_public_interface(mems):
     shown = mems.to_json()
     assert shown["duration_s"] == mems.duration

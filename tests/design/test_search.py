@@ -116,6 +116,7 @@ def test_drift_of_a_scale_factor_shows_if_its_axis_turns_early_and_late():
     assert both < 0.2 * once
 
 
+@pytest.mark.long
 def test_schedule_is_extended_from_its_end(problem):
     seconds, stops = run_search(problem)
     tighter = replace(problem, targets=0.8 * problem.targets)

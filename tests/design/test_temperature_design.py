@@ -170,6 +170,7 @@ def test_soaks_of_a_slow_unit_last_longer(found) -> None:
     assert slow.to_json()["soak"]["duration_s"] == slow.soak.course.duration
 
 
+@pytest.mark.long
 def test_moves_are_repeated_until_the_limits_are_met(tmp_path: Path) -> None:
     path = product_with(tmp_path, ("sigma_below = 8.0e-06", "sigma_below = 4.0e-06"))
     found = design(path, time_constant=270.0)

@@ -135,6 +135,7 @@ def solved(
 SHORT = {"excitation": {"dwell_s": 5.0, "rounds": 1}}
 
 
+@pytest.mark.long
 def test_effect_is_reported_with_its_size_and_parameter_shifts() -> None:
     result, errors, _ = solved(1, "accel_cubic", 2e-6, SHORT, ("excitation",))
     first = result[0]

@@ -75,6 +75,7 @@ def test_compiled_prediction_and_update_agree_with_filterpy(nav_stage, data, cou
     assert np.abs((run.state.P - joseph) / np.outer(scale, scale)).max() < 1e-6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("drift", [0.0, 1.0], ids=["39 states", "with bias drift"])
 def test_closed_loop_agrees_with_a_compiled_pass_along_its_trajectory_over_a_whole_stage(
     nav_stage, data, monkeypatch, drift

@@ -179,6 +179,7 @@ def test_sigmas_include_the_hysteresis_and_the_bias_instability() -> None:
     assert np.hypot(before, drift) == pytest.approx(after, rel=1e-9)
 
 
+@pytest.mark.long
 def test_lags_of_gyros_and_accelerometers_are_estimated_from_a_ramp() -> None:
     rng, lags, errors = np.random.default_rng(12), np.array([25.0, -15.0]), []
     for _ in range(4):
@@ -232,6 +233,7 @@ def test_covariance_contains_the_course_of_a_hysteresis_at_the_turns_of_a_ramp()
     assert np.mean(nees[1::2]) > 2.0  # without the hysteresis
 
 
+@pytest.mark.long
 def test_scatter_of_one_group_is_no_hysteresis() -> None:
     rng = np.random.default_rng(10)
     causes = []

@@ -491,6 +491,7 @@ def printer_is_on(
     return PrintedLabels([])
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("no_printer")
 def test_labels_of_all_runs_are_kept_until_they_are_printed(
     operator: Operator, monkeypatch: pytest.MonkeyPatch

@@ -34,6 +34,7 @@ def test_no_live_view_before_a_run(operator: Operator) -> None:
     assert current_view(operator) == "Preview"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("code", ["port_in_use", "stopped"])
 def test_no_live_view_after_a_run_that_ended_in_its_preparation(operator: Operator, code: str) -> None:
     operator.window.show_page("engineer_page")
@@ -75,6 +76,7 @@ def test_traces_table_and_convergence_are_live(run: Operator) -> None:
     assert current_view(run) == "实时"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "at_rest", "unknown"),
     [("en", "table at rest", "table not connected"), ("zh_CN", "转台静止", "转台未连接")],

@@ -275,6 +275,7 @@ def test_result_and_log_are_opened_on_other_pages(
     assert emitted.args == [runs["dead"]]
 
 
+@pytest.mark.long
 def test_folder_that_cannot_be_opened_is_shown_for_copying(
     page: HistoryPage, runs: dict[str, Path], monkeypatch: pytest.MonkeyPatch, qtbot: QtBot
 ) -> None:

@@ -116,6 +116,7 @@ def test_dragging_a_box_zooms_and_a_double_click_shows_the_whole_log(page: Offli
     qtbot.waitUntil(lambda: np.allclose(ranges(page), whole))
 
 
+@pytest.mark.long
 def test_shorter_log_is_selected_whole_after_a_range_of_a_longer_one(
     page: OfflinePage, log: Path, tmp_path: Path, qtbot: QtBot
 ) -> None:
@@ -271,6 +272,7 @@ def test_all_texts_follow_the_language(method: str, page: OfflinePage, window: M
         assert "采样点" in pointer(page)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "head", "pause", "faulty"),
     [

@@ -189,6 +189,7 @@ def test_empty_page_explains_what_to_do(page: OfflinePage) -> None:
     assert solve_button.toolTip() == "Open a log first"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "words"),
     [
@@ -227,6 +228,7 @@ def test_same_log_gives_a_bit_identical_result(page: OfflinePage, run_log: Path,
     assert set(cells(page, "unit")) == set(stored)
 
 
+@pytest.mark.long
 def test_solution_is_shown_even_if_it_cannot_be_recorded(
     page: OfflinePage, run_log: Path, tmp_path: Path, qtbot: QtBot
 ) -> None:
@@ -238,6 +240,7 @@ def test_solution_is_shown_even_if_it_cannot_be_recorded(
     assert "The solution is not recorded" in page.comparison.note_label.text()
 
 
+@pytest.mark.long
 def test_a_range_entered_in_the_boxes_is_solved(page: OfflinePage, run_log: Path, qtbot: QtBot) -> None:
     opened(page, run_log, qtbot)
     assert page.log is not None
@@ -264,6 +267,7 @@ def test_a_range_entered_in_the_boxes_is_solved(page: OfflinePage, run_log: Path
     assert page.solved.result.to_json() == expected  # the earlier solution is kept
 
 
+@pytest.mark.long
 def test_result_of_another_selection_is_outdated_and_not_exported(
     page: OfflinePage, run_log: Path, tmp_path: Path, qtbot: QtBot
 ) -> None:
@@ -469,6 +473,7 @@ def test_latest_runs_are_listed_below_recent_logs(app: AppContext, qtbot: QtBot)
     assert offered == ["a.h5", "Latest", "b.h5"]
 
 
+@pytest.mark.long
 def test_zooming_reaches_single_samples(page: OfflinePage, long_log: Path, qtbot: QtBot) -> None:
     opened(page, long_log, qtbot)
     assert page.log is not None

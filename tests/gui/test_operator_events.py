@@ -199,6 +199,7 @@ def test_verdict_is_cleared_by_another_product_or_station(simulated_run: Operato
     assert simulated_run.verdict == ""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("language", "outcome", "text"),
     [
@@ -282,6 +283,7 @@ def test_compatible_products_are_listed_and_selected_by_a_button(
     assert operator.widget("station_choice").isVisible()
 
 
+@pytest.mark.long
 def test_start_waits_while_another_page_uses_a_device(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(JobQueue, "uses_device", True)
     operator.scan(SERIAL)
@@ -857,6 +859,7 @@ def test_two_numbers_in_one_scan_are_recognised(operator: Operator, pattern: str
     assert operator.widget("start_button", QPushButton).isEnabled()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("pattern", [r"SN-\d{6}", ".*"])
 @pytest.mark.parametrize("slot", ["", "A1_", "x_20261123T_-.y_"])  # the last is as long as a name may be
 def test_scan_of_a_label_enters_its_serial_number(operator: Operator, pattern: str, slot: str) -> None:
@@ -878,6 +881,7 @@ def test_label_of_a_number_with_characters_that_no_file_name_has_is_recognised(o
     assert scan_after_click(operator, "serial_edit", code).text() == serial
 
 
+@pytest.mark.long
 def test_two_numbers_in_one_are_refused_on_the_engineer_page(operator: Operator) -> None:
     operator.window.show_page("engineer_page")
     scan_after_click(operator, "engineer_serial_edit", "SN-000020")
@@ -1209,6 +1213,7 @@ def stop_incompletely(operator: Operator) -> None:
     end_run(operator, "stopped")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("language", ["en", "zh_CN"])
 def test_a_table_that_may_still_move_is_named_on_every_page_until_it_is_reset(
     simulated_run: Operator, language: str
@@ -1256,6 +1261,7 @@ def test_a_table_that_may_still_move_is_still_named_after_a_restart_of_the_windo
     assert not AppContext(station).run.stop_incomplete
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("language", "words", "unready"),
     [("en", "Close the cover, then press “Reset the fault”.", "NOT READY"), ("zh_CN", "请关好防护罩，", "未就绪")],

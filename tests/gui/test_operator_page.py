@@ -360,6 +360,7 @@ def test_product_file_added_while_the_window_is_open_is_listed(operator: Operato
     assert str(operator.window.app.product_path) == combo.currentData()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("code", "name"), [("en", "gyro bias"), ("zh_CN", "陀螺零偏")])
 def test_limits_that_no_stage_judges_are_named_before_the_start(operator: Operator, code: Language, name: str) -> None:
     operator.site_folder.write({"stages": ["six_position"]})

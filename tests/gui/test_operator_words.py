@@ -229,6 +229,7 @@ def test_times_in_the_window_have_no_time_zone() -> None:
     assert "UTC" not in say(Text("event.transfer_open", values))
 
 
+@pytest.mark.long
 def test_start_is_one_word_in_chinese(operator: Operator) -> None:
     language.use("zh_CN")
     operator.window.show_page("engineer_page")

@@ -69,6 +69,7 @@ def press_stop(operator: Operator) -> None:
     operator.qtbot.mouseClick(operator.window.stop_button, Qt.MouseButton.LeftButton)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "used", "remedy", "badge", "stopped", "afterwards"),
     [
@@ -136,6 +137,7 @@ def test_program_that_executes_no_run_is_not_stopped(hardware: Operator, code: s
         assert process.poll() is None
 
 
+@pytest.mark.long
 def test_run_in_another_window_is_not_called_that_of_another_program(hardware: Operator) -> None:
     with owner(port_lock.ENGINE):
         hardware.until(lambda: hardware.run.display_state == "in_use")
@@ -162,6 +164,7 @@ def start_engine(operator: Operator) -> Mock:
     return engine
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("page", ["operator_page", "engineer_page"])
 def test_question_before_a_start_is_dropped_when_another_program_uses_the_station(
     hardware: Operator, page: str

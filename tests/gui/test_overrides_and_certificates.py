@@ -361,6 +361,7 @@ def issue_slowly(report: ProgressCallback) -> None:
     time.sleep(0.3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("code", "progress"), [("en", "Certificate, 0 %"), ("zh_CN", "证书，0 %")])
 def test_panel_shows_the_progress_of_a_confirmed_certificate(operator: Operator, code: str, progress: str) -> None:
     operator.window.app.set_language(code)

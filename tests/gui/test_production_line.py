@@ -205,6 +205,7 @@ def test_sign_in_removes_the_notice_that_nobody_has_signed_in(operator: Operator
     assert operator.widget("documents_notice").isVisible()  # it has another subject
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("language", "asked"), [("en", "Scan your badge first."), ("zh_CN", "请先扫描工牌。")])
 def test_sign_in_removes_the_notice_of_the_history_page(operator: Operator, language: str, asked: str) -> None:
     use_station(operator, sign_in={"badge_pattern": r"B\d{4}"})

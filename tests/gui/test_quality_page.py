@@ -423,6 +423,7 @@ def test_slow_changes_are_shown_by_ewma_or_cusum_charts(operator: Operator, page
     assert "individuals, ±3.13 σ, Nelson's rules; limits from the first 100 runs of any time" in operator.says()
 
 
+@pytest.mark.long
 def test_control_limits_do_not_depend_on_the_time_shown(operator: Operator) -> None:
     folder = operator.site_folder.runs
     folder.mkdir(exist_ok=True)
@@ -490,6 +491,7 @@ def test_runs_of_one_station_are_charted_and_a_state_is_explained(
     language.use("en")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "tab", "words"), [("en", "Yield", "No failed checks"), ("zh_CN", "合格率", "没有不合格的检查")]
 )
@@ -508,6 +510,7 @@ def test_yield_of_a_single_day_without_failures_says_so(operator: Operator, code
     language.use("en")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "counted"),
     [
@@ -533,6 +536,7 @@ def test_partial_runs_that_failed_are_named_where_they_do_not_count(
     language.use("en")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("code", "real", "said"),
     [

@@ -108,6 +108,7 @@ def test_verdict_with_many_figures_needs_no_scroll_bar(
     assert text_size(panel.reason_label) >= theme.BODY
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("code", ["en", "zh_CN"])
 def test_strip_shows_stage_and_time_left_in_a_small_window(
     simulated_run: Operator, code: str, monkeypatch: pytest.MonkeyPatch

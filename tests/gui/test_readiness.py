@@ -44,6 +44,7 @@ def test_refused_serial_number_is_not_ready_and_named_below(operator: Operator) 
     assert start.isEnabled()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("way", ["page", "program"])
 @pytest.mark.parametrize(("code", "ready"), [("en", "READY"), ("zh_CN", "就绪")])
 def test_station_file_corrected_in_another_program_is_read_again(
@@ -86,6 +87,7 @@ def test_scan_for_an_unsuitable_product_is_refused(operator: Operator, code: str
     assert operator.widget("start_button", QPushButton).isEnabled()
 
 
+@pytest.mark.long
 def test_overdue_calibration_of_the_table_is_not_ready(operator: Operator) -> None:
     overdue = [{"name": "Rate table A", "kind": "table", "due": date(2021, 3, 2)}]
     operator.site_folder.write(station={"instruments": overdue})
@@ -150,6 +152,7 @@ def test_scan_before_the_fault_is_read_says_what_to_do(simulated_run: Operator) 
     assert operator.widget("serial_symbol").isVisible()
 
 
+@pytest.mark.long
 def test_slots_of_the_last_station_are_not_shown_at_an_unusable_one(operator: Operator) -> None:
     use_slots(operator, 16)
     assert operator.widget("slot_16_tile").isVisible()
@@ -181,6 +184,7 @@ def test_a_notice_does_not_move_the_buttons_of_a_verdict(simulated_run: Operator
     assert details.visibleRegion().boundingRect() == details.rect()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("page", ["operator_page", "engineer_page"])
 @pytest.mark.parametrize(
     ("code", "answer", "ready", "not_ready"),

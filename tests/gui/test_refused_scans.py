@@ -69,6 +69,7 @@ def test_start_first_shows_a_number_that_was_typed_without_enter(
     assert [request.serials for request in started] == [(UNITS[0], "SN-910005", UNITS[2])]
 
 
+@pytest.mark.long
 def test_start_of_the_engineer_takes_no_number_from_the_field(operator: Operator, started: list[RunRequest]) -> None:
     use_slots(operator, 3)
     operator.window.app.role.set_first_pin("246813")

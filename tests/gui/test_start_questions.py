@@ -399,6 +399,7 @@ def test_other_questions_follow_the_one_about_unverified_registers(site_folder: 
     assert (following.subject, start.request.unfinished) == ("passed", "finish")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("page", ["operator_page", "engineer_page"])
 @pytest.mark.parametrize("key", [Qt.Key.Key_Space, Qt.Key.Key_Return])
 def test_no_key_confirms_a_start_after_a_return_to_its_question(
@@ -425,6 +426,7 @@ def test_no_key_confirms_a_start_after_a_return_to_its_question(
     assert started == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("language", "said", "ready"),
     [
@@ -458,6 +460,7 @@ def test_other_pages_name_the_question_on_the_operator_page(
     assert ready in operator.says().splitlines()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("language", "said", "ready"),
     [
@@ -489,6 +492,7 @@ def test_other_pages_name_the_question_on_the_engineer_page(
     assert ready in operator.says().splitlines()
 
 
+@pytest.mark.long
 def test_no_key_answers_a_question_without_a_safe_answer_after_a_return_to_it(operator: Operator) -> None:
     notice, answered = operator.window.operator_page.notice, list[str]()
     ask(notice, "paused", Text.of("question.same_units", serials=[SERIAL]), {"same_units": lambda: answered.append("")})

@@ -66,6 +66,7 @@ def test_running_unit_is_in_the_title_and_in_the_strip_of_every_page(
     assert f"{SERIAL}  ·  标定中" in strip_text(operator)
 
 
+@pytest.mark.long
 def test_number_for_the_next_run_is_named_so_on_the_engineer_page(
     operator: Operator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -120,6 +121,7 @@ def test_second_window_takes_the_place_of_the_first_one(operator: Operator, seco
     assert second.window.windowTitle() == "calstation"
 
 
+@pytest.mark.long
 def test_second_window_may_use_another_station(operator: Operator, second: Operator, site_folder: SiteFolder) -> None:
     second.until(lambda: "This station is open in another window" in second.says())
     other = site_folder.station.with_name("other.toml")

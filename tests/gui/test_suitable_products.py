@@ -31,6 +31,7 @@ def entry(operator: Operator, product: str) -> tuple[str, bool, str]:
     return item.text(), item.isEnabled(), item.toolTip()
 
 
+@pytest.mark.long
 def test_products_of_another_rig_are_greyed_with_the_reason(operator: Operator) -> None:
     text, enabled, _ = entry(operator, "mems_c")
     assert (text, enabled) == ("MEMS grade C", True)

@@ -238,6 +238,7 @@ def test_position_rows_are_the_integral_of_the_velocity_rows(motion):
     assert whole[6:9, 6:9] == pytest.approx(np.eye(3))
 
 
+@pytest.mark.long
 def test_instantaneous_rate_and_force_derivatives_agree_with_compensation(motion):
     truth, _, gyro, accel, _ = motion
     omega, force = compensate(compensation(truth.parameters), gyro[600:601], accel[600:601])

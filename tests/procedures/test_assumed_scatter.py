@@ -14,6 +14,7 @@ QUARTER = 0.5 * np.pi
 FACES = [(0.0, QUARTER), (0.0, 2 * QUARTER), (0.0, 3 * QUARTER), (QUARTER, 3 * QUARTER), (-QUARTER, 3 * QUARTER)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [1, 2])
 def test_six_faces_rest_on_the_assumed_scatter(seed: int) -> None:
     """The gyros measure 0.3 % more than the turns, as if a rotation were not rigid; nothing else reveals it."""

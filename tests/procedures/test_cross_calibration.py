@@ -63,6 +63,7 @@ def test_errors_of_many_pairs_agree_with_their_sigmas():
         assert 0.85 * low < np.mean(np.square(np.array(errors)[:, columns])) < 1.15 * high, group
 
 
+@pytest.mark.long
 def test_clock_offset_is_found_with_subsample_accuracy(mems):
     primary, secondary, block = mems
     solution = solved(block, context_of(primary, [secondary]), primary_errors(primary)).estimates["clock_offset"]
@@ -71,6 +72,7 @@ def test_clock_offset_is_found_with_subsample_accuracy(mems):
     assert abs(secondary.offset) > 1e-3
 
 
+@pytest.mark.long
 def test_bias_change_during_the_recording_fails_and_is_reported(mems):
     primary, secondary, block = mems
     context = context_of(primary, [secondary])
@@ -109,6 +111,7 @@ def accel(values: np.ndarray) -> np.ndarray:
 FAST, G = np.deg2rad(100.0), 9.8
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("effect", "size", "error"),
     [
@@ -146,6 +149,7 @@ def test_drift_during_the_recording_fails_and_is_reported(mems):
     assert test.diagnosis.values["parameter"].startswith("secondary_accel_matrix_")
 
 
+@pytest.mark.long
 def test_sound_pair_that_turns_in_one_direction_passes(monkeypatch):
     """|ω| and ω then differ by noise only, which must not resemble an asymmetry."""
     once = [np.deg2rad(60.0) * k for k in range(1, 13)]
@@ -234,6 +238,7 @@ def test_effect_without_influence_on_the_parameters_passes(mems):
     assert solution.explanation.diagnosis.values["effect"] == "g_sensitivity"
 
 
+@pytest.mark.long
 def test_secondary_mounted_upside_down_is_calibrated():
     primary, secondary = pair(4)
     turned = replace(secondary, mounting=Mounting(rotation(np.array([np.pi, 0.02, 0.01])), secondary.mounting.arm))

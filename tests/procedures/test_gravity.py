@@ -26,6 +26,7 @@ def test_scaling_forces_and_parameters_leaves_the_output_unchanged():
     assert output(q, (1.0 + step) * f) == pytest.approx(output(p, f), abs=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tight", [1.0, 0.01])
 def test_wrong_gravity_changes_the_solution_as_predicted(nav_chain, tight):
     # the tight prior of the scale factors (9 ppm) resists the error

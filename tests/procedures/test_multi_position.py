@@ -443,6 +443,7 @@ def test_manual_recording_agrees_with_its_authors():
     assert all(name in lost for name in ESTIMATED if name.startswith("accel_bias"))
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not real.IMU_TK.exists(), reason="the real recordings are not beside the project")
 def test_xsens_recording_agrees_with_its_authors(tmp_path: Path):
     result = resolve(real.imu_tk(tmp_path), ("multi_position",)).result.to_json()
@@ -466,6 +467,7 @@ def test_xsens_recording_agrees_with_its_authors(tmp_path: Path):
     assert group_vector(value, "gyro_bias") == pytest.approx(published["gyro_bias"], abs=2e-3)
 
 
+@pytest.mark.long
 def test_effects_of_a_table_are_not_tested_in_a_recording_by_hand(mems):
     """A gyro bias that is present only in motion has other names if a hand turns the unit."""
     imu, block = mems

@@ -53,6 +53,7 @@ def aligned() -> SimpleNamespace:
     return calibrated(truth, context, prior_of(truth), STAGES)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("orientation", sampled(8, ORIENTATIONS))
 def test_reoriented_unit_is_calibrated_as_accurately_as_an_aligned_unit(
     aligned: SimpleNamespace, orientation: str
@@ -111,6 +112,7 @@ def test_preview_of_a_reoriented_unit_is_the_platform_motion_in_unit_axes(orient
     assert body == pytest.approx(platform @ matrix, rel=1e-9, abs=1e-6 * np.abs(platform).max())
 
 
+@pytest.mark.long
 def test_a_large_nominal_lever_arm_is_solved_with_its_usual_sigma() -> None:
     truth, context = unit("-y+z")
     lever = group_indices("outer_lever")

@@ -97,6 +97,7 @@ def test_order_that_is_too_low_is_named() -> None:
     assert (test.diagnosis.cause, test.diagnosis.values["group"]) == ("temperature_order", "gyro_bias")
 
 
+@pytest.mark.long
 def test_range_that_was_not_measured_is_refused() -> None:
     case = ThermalCase("mems_c_fast", (25.0, 60.0), {}, SECTION)
     with raises_code(InputError, "temperature.not_covered"):

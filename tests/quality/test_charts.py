@@ -232,6 +232,7 @@ def test_false_alarm_rates_agree_with_published_values() -> None:
         assert arl == pytest.approx(published, abs=3.0 * error + 0.02 * published)
 
 
+@pytest.mark.long
 def test_moving_range_chart_signals_more_often_than_the_other_charts() -> None:
     """The average run length is documented in docs/how-to/quality.md; P(range > D4) = P(|x| > D4 d2 / sqrt 2)."""
     random, length = np.random.default_rng(12), 2000

@@ -103,6 +103,7 @@ def draw(random: np.random.Generator, sigmas: dict[str, float], shape: tuple[int
     return values
 
 
+@pytest.mark.long
 def test_estimated_variance_components_agree_with_the_model() -> None:
     """Means over many studies without pooling; the mean squares have their expectations."""
     random, shape, runs = np.random.default_rng(3), (5, 4, 3, 2), 3000

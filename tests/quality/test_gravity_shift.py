@@ -46,6 +46,7 @@ def test_change_of_a_single_unit_is_no_error_of_gravity() -> None:
     assert common_step(values, unit) is None
 
 
+@pytest.mark.long
 def test_sound_histories_raise_no_alarm() -> None:
     alarms = [common_step(*history(seed, spread * PPM)) for seed in range(100) for spread in (20.0, 300.0)]
     assert sum(step is not None for step in alarms) <= 1

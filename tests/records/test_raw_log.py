@@ -178,6 +178,7 @@ while True:
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
 @pytest.mark.parametrize(
     "after", [0.81, *(pytest.param(after, marks=pytest.mark.exhaustive) for after in (0.35, 1.23, 1.64))]
@@ -443,6 +444,7 @@ def test_log_is_completed_on_a_disk_that_other_files_have_filled(tiny_disk: Path
     check_complete(tiny_disk / "a.h5", kept)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no limits")
 @pytest.mark.parametrize(
     "limit",
@@ -457,6 +459,7 @@ def test_log_is_completed_at_the_largest_permitted_size(tmp_path: Path, meta: Lo
     check_complete(tmp_path / "a.h5", kept)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no limits")
 @pytest.mark.parametrize(
     "limit",

@@ -103,6 +103,7 @@ def test_every_page_is_identified_and_the_document_is_complete(made: Made, langu
         assert "".join(group.split()).lower() in whole.lower()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("made", CASES, indirect=True, ids=KINDS)
 def test_certificate_has_no_names_of_entries_and_limits_as_entered(made: Made, language: Language) -> None:

@@ -100,6 +100,7 @@ def test_coefficients_and_their_covariance_are_read_back(certificate: Certificat
             )
 
 
+@pytest.mark.long
 def test_joint_covariance_at_the_reference_is_kept_apart(certificate: Certificate) -> None:
     xml = write_dcc(certificate)
     reading = read_dcc(xml)

@@ -66,6 +66,7 @@ def test_digital_certificate_is_in_the_pdf_and_in_a_separate_file(result_file: P
     assert (pdf.read_bytes(), dcc.read_bytes()) == written
 
 
+@pytest.mark.long
 def test_pdf_and_certificate_are_signed(result_file: Path, tmp_path: Path, seal: Path) -> None:
     pdf, dcc = tmp_path / "report.pdf", tmp_path / "report.xml"
     assert run_app(["report", str(result_file), "-o", str(pdf), "--dcc", str(dcc), "--sign", str(seal)]) == 0

@@ -255,6 +255,7 @@ def test_nothing_is_issued_after_a_change_until_the_trail_is_restarted(
     assert before == after
 
 
+@pytest.mark.long
 def test_numbers_continue_after_reports_were_removed_and_the_trail_restarted(site: Path) -> None:
     runs = site / "runs"
     (runs / "reports.jsonl").unlink()

@@ -97,6 +97,7 @@ def test_calibration_is_replaced_without_a_gap(first_watch: tuple[Lines, Path], 
     assert lines.index(events(lines, "calibration")[1]) < lines.index(data(lines)[used.index(1)])
 
 
+@pytest.mark.long
 def test_corrected_secondary_agrees_with_the_primary(first_watch: tuple[Lines, Path], recording: Log) -> None:
     after = [line for line in data(first_watch[0]) if line["imu2"]["calibration"] == 1]
     before = [line for line in data(first_watch[0]) if line["imu2"]["calibration"] == 0]
@@ -130,6 +131,7 @@ def test_lever_arm_effect_is_removed(first_watch: tuple[Lines, Path], recording:
     assert np.sqrt(np.mean((without - shifted)[moving] ** 2)) > 1.5 * np.sqrt(np.mean((force - shifted)[moving] ** 2))
 
 
+@pytest.mark.long
 def test_silent_primary_is_replaced_by_the_secondary_and_reported(
     first_watch: tuple[Lines, Path], recording: Log
 ) -> None:

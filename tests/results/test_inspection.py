@@ -33,6 +33,7 @@ def recording(tmp_path: Path) -> Path:
     return write_log(tmp_path, six_position_rows(), meta=META)
 
 
+@pytest.mark.long
 def test_memory_does_not_grow_with_the_length_of_a_recording(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(inspection, "MAX_TESTED", 5_000)
     log = long_log(open_log(recording).meta)

@@ -107,6 +107,7 @@ def truth() -> tuple[np.ndarray, np.ndarray]:
     return seq, np.concatenate([b.counts[:, 0] for b in blocks()]) * np.rad2deg(1e-8) * RATE
 
 
+@pytest.mark.long
 def test_stages_steps_gaps_and_invalid_samples_are_found(seen: LogIndex) -> None:
     spans = [(s.stage, s.first_seq - START, s.last_seq - START, s.samples) for s in seen.spans]
     assert spans == [("rate", 500, 19_999, 19_460), ("excitation", 21_000, 90_000, 69_001)]
@@ -150,6 +151,7 @@ def test_samples_of_a_pause_are_not_called_invalid(tmp_path: Path) -> None:
         assert expected in render("look.paused_are", rows["look.paused"].values, words).text  # type: ignore[arg-type]
 
 
+@pytest.mark.long
 def test_exported_log_distinguishes_pauses_from_invalid_samples(tmp_path: Path) -> None:
     path, exported, again = paused_log(tmp_path), tmp_path / "exported.csv", tmp_path / "again.csv"
     export_csv(path, exported)

@@ -64,6 +64,7 @@ def test_methods_without_a_table_have_the_same_parameters(tmp_path: Path, kind: 
     both(tmp_path / "log.h5")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("stage", ["six_position", "azimuth_flip"])
 def test_model_states_are_estimated_in_a_parameters_only_solution(tmp_path: Path, stage: str) -> None:
     log_with(tmp_path / "log.h5", stage, accel_cubic_ug_g3=300.0)

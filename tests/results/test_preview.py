@@ -90,6 +90,7 @@ def test_a_changed_schedule_changes_duration_and_sigma(site_folder: SiteFolder) 
     assert long.stages[0].sigma[i] < short.stages[0].sigma[i]
 
 
+@pytest.mark.long
 def test_preview_names_the_parameters_whose_check_the_run_would_fail(site_folder: SiteFolder) -> None:
     preview = preview_of(site_folder, "azimuth_flip")
     result = site_folder.run("azimuth_flip").result

@@ -285,6 +285,7 @@ def test_lever_arms_in_different_slots_are_not_compared(site_folder: SiteFolder)
     assert compared == [{}, {"previous gyro_scale": True}]
 
 
+@pytest.mark.long
 def test_a_fault_of_the_table_ends_all_units(site_folder: SiteFolder) -> None:
     site_folder.write(units=2, orders=[{"order": "drive_fault", "at": 60.0}])
     verdicts = run_batch(site_folder, batch_of(site_folder, "six_position", serials=SERIALS[:2]))

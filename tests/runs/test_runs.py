@@ -66,6 +66,7 @@ def test_the_same_seed_gives_the_same_run(tmp_path: Path) -> None:
     assert first.run("six_position").result["attempt"] == 2
 
 
+@pytest.mark.long
 def test_a_unit_outside_its_limits_keeps_its_registers(site_folder: SiteFolder) -> None:
     site_folder.write(out_of_limits=True)
     ended = site_folder.run("six_position")

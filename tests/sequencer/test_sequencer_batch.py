@@ -710,6 +710,7 @@ def test_run_continues_while_the_result_of_a_removed_unit_is_written() -> None:
     assert waited == [True]
 
 
+@pytest.mark.long
 def test_batch_of_sixteen_units_passes() -> None:
     batch = Batch(16)
     assert batch.run() is State.DONE

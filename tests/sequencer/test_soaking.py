@@ -302,6 +302,7 @@ def test_all_units_of_a_batch_must_be_steady_and_one_that_is_not_leaves() -> Non
     assert len(batch.of(PointCompleted)) == 1
 
 
+@pytest.mark.long
 def test_chamber_waits_for_units_whose_results_are_complete() -> None:
     """Units of a batch leave the run with their results, and still show in the chamber when it may be opened."""
     batch = Batch(2, stage([60.0]))

@@ -53,6 +53,7 @@ def test_history_contains_products_stations_operators_failures_and_repeats(folde
     assert history.count(RunFilter(search="GOLDEN-NAVA")) > 2
 
 
+@pytest.mark.long
 def test_gauge_study_is_complete_and_check_standard_runs_show_the_drift(folder: Path) -> None:
     plan = GaugePlan.load(folder / "studies" / "gauge.json")
     found = plan.values(History(folder).columns())
