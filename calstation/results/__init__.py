@@ -4,6 +4,7 @@ The package has more than 15 modules, one for each way to create, read or delive
 """
 
 from calstation.estimation.common import CREEP, EXCESSIVE, NOTABLE, PositionResidual
+from calstation.estimation.pairs import WatchEvent
 from calstation.results.building import Ending, build_result, solved_parameters, stated_by_log
 from calstation.results.calibration import current_calibration, estimate_of
 from calstation.results.corrected import CorrectedOutput, CorrectedStream, CorrectedTrace, CorrectedTraceBuilder

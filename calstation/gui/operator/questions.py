@@ -8,7 +8,7 @@ from pathlib import Path
 from calstation.config import ManualRigError, Person, RunRequest, load_station, product_error
 from calstation.database import Claim
 from calstation.errors import CalstationError
-from calstation.gui.state import AppContext, PeoplePanel, RunStatus, chamber_reason, prevented_by, run_strip
+from calstation.gui.state import AppContext, PeoplePanel, RunStatus, chamber_reason, needs_no_run, prevented_by
 from calstation.gui.text import (
     Words,
     engineer_corrects,
@@ -142,7 +142,7 @@ def why_not_load(run: RunStatus, problem: Text | None) -> tuple[Words, Words]:
     if (other := run.occupied) is not None:
         return lambda: rendered(other).text, lambda: rendered(other).remedy
     if problem is not None:
-        about = "operator.message_pair" if run_strip.needs_no_run(run) else "operator.about_impossible"
+        about = "operator.message_pair" if needs_no_run(run) else "operator.about_impossible"
         return lambda: rendered(problem).text, about
     if run.stop_incomplete:
         return "operator.table_unsafe", "operator.table_unconfirmed"

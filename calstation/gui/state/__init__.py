@@ -13,6 +13,14 @@ from calstation.gui.state.port_watch import prevented_by
 from calstation.gui.state.reset_bar import ResetBar, TableNotice
 from calstation.gui.state.role import RolePanel
 from calstation.gui.state.run_status import RunStatus
-from calstation.gui.state.run_strip import EndStageButton, ExchangeLabel, PauseButton, RunStrip, run_badge, run_title
+from calstation.gui.state.run_strip import (
+    EndStageButton,
+    ExchangeLabel,
+    PauseButton,
+    RunStrip,
+    needs_no_run,
+    run_badge,
+    run_title,
+)
 from calstation.gui.state.slots import LEAVING, EarlierRuns, Slot, Slots
 from calstation.gui.state.unit_status import TRANSFER, StageState, UnitStatus, largest_sigmas, stage_rows

@@ -7,10 +7,9 @@ from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPaintEvent, QPen
 from PySide6.QtWidgets import QGridLayout, QWidget
 
-from calstation.estimation.pairs import WatchEvent
 from calstation.gui.text import duration_text, on_language_change, term
 from calstation.gui.widgets import PlainLabel, StateBadge, clear, draw_state, label, state_colour, theme
-from calstation.results import PairProgress
+from calstation.results import PairProgress, WatchEvent
 
 #: Position of the threshold as a fraction of the full width of the bars; longer bars are clipped.
 _THRESHOLD_AT = 0.5
