@@ -67,6 +67,12 @@ def find(kind: str, name: str) -> Path:
     raise ConfigurationError("configuration.no_profile", kind=kind, name=name, known=names(kind))
 
 
+def share_name(kind: str, path: Path, other: Path) -> bool:
+    """Return whether two files of the library have the same name, so that `find` returns only one of them."""
+    folders = [folder / kind for folder in (site_folder(), shipped_folder())]
+    return path.stem == other.stem and path.parent in folders and other.parent in folders
+
+
 def find_beside(product: Path | None, name: str) -> Path | None:
     """Return a file named by a product file, or None if it does not exist.
 

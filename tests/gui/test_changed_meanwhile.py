@@ -10,11 +10,13 @@ from pytestqt.qtbot import QtBot
 from calstation.config import library, versions
 from calstation.gui.settings.drafts import Drafts
 from calstation.gui.state import AppContext
+from calstation.gui.state.engine_link import EngineLink
 from calstation.gui.text import language
 from calstation.records import audit_path, read_audit
 from tests.gui.station_driver import PIN, PageDriver, station_page
 
 PROFILES = 9
+SHIPPED = library.shipped_folder() / "stations" / "example_hardware.toml"
 
 
 @pytest.fixture
@@ -127,3 +129,86 @@ def test_removed_file_is_saved_again_and_an_unreadable_one_is_replaced(
     site_folder.station.write_bytes(b"\xff\xfe")
     versions.save("stations", "test", text, "wang", opened="")
     assert site_folder.station.read_text("utf-8") == text
+
+
+def saved_by_another_window(driver: PageDriver) -> Path:
+    """Save the shipped station in the site's folder as another window does, and return the site's file."""
+    versions.save(SHIPPED.parent.name, SHIPPED.stem, driver.page.drafts.station.saved + "# of another window\n", "wang")
+    return library.find("stations", SHIPPED.stem)
+
+
+def show_again(driver: PageDriver) -> None:
+    driver.root.hide()
+    driver.root.show()
+
+
+def test_site_copy_of_the_shipped_station_is_used_when_the_page_shows_it(page_driver: PageDriver) -> None:
+    page_driver.app.set_station(SHIPPED)
+    own = saved_by_another_window(page_driver)
+    show_again(page_driver)
+    assert page_driver.app.station_path == page_driver.page.drafts.station.path == own
+    page_driver.type("name_edit", "line 7")
+    show_again(page_driver)
+    assert page_driver.page.drafts.station.value(("name",)) == "line 7"
+
+    table = page_driver.page.drafts.table
+    table.rewrite(table.text + "# mine\n")
+    page_driver.press("save_station_button")
+    text = own.read_text("utf-8")
+    assert "line 7" in text
+    assert "# of another window" in text
+    assert "example_hardware-2" not in library.names("stations")
+
+
+def test_station_edited_before_another_window_saved_it_is_kept_and_not_copied(page_driver: PageDriver) -> None:
+    page_driver.app.set_station(SHIPPED)
+    page_driver.type("name_edit", "line 7")
+    own = saved_by_another_window(page_driver)
+    page_driver.app.set_station(own)
+    assert page_driver.page.drafts.station.value(("name",)) == "line 7"
+    page_driver.press("save_station_button")
+    assert "line 7" not in own.read_text("utf-8")
+    assert "example_hardware-2" not in library.names("stations")
+    page_driver.press("read_again_button")
+    assert page_driver.app.station_path == page_driver.page.drafts.station.path == own
+
+
+@pytest.mark.parametrize("leave", [False, True])
+def test_discard_uses_the_file_that_the_page_then_shows(page_driver: PageDriver, leave: bool) -> None:
+    page_driver.app.set_station(SHIPPED)
+    page_driver.type("name_edit", "line 7")
+    own = saved_by_another_window(page_driver)
+    if leave:
+        assert not page_driver.page.may_leave(lambda: None)
+    page_driver.press("discard_and_go_button" if leave else "discard_station_button")
+    assert page_driver.app.station_path == page_driver.page.drafts.station.path == own
+
+
+def test_running_station_keeps_its_file_until_the_run_has_ended(
+    page_driver: PageDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page_driver.app.set_station(SHIPPED)
+    own = saved_by_another_window(page_driver)
+    with monkeypatch.context() as running:
+        running.setattr(EngineLink, "running", property(lambda _: True))
+        show_again(page_driver)
+        page_driver.type("name_edit", "line 7")
+        page_driver.press("discard_station_button")
+        assert page_driver.app.station_path == page_driver.page.drafts.station.path == SHIPPED
+    show_again(page_driver)
+    assert page_driver.app.station_path == page_driver.page.drafts.station.path == own
+
+
+def test_site_copy_of_the_current_product_is_used_when_the_page_reads_it(page_driver: PageDriver) -> None:
+    shipped = library.find("products", "nav_a")
+    page_driver.app.set_product(shipped)
+    page_driver.show_section(PROFILES)
+    page_driver.page.profiles.open("products", "nav_a")
+    versions.save("products", "nav_a", shipped.read_text("utf-8") + "# of another window\n", "wang")
+    changed: list[Path | None] = []
+    page_driver.app.product_changed.connect(lambda: changed.append(page_driver.app.product_path))
+    show_again(page_driver)
+    own = library.find("products", "nav_a")
+    assert own != shipped
+    assert page_driver.app.product_path == own
+    assert changed == [own]

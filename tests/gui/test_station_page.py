@@ -170,7 +170,7 @@ def test_saving_creates_a_version_and_keeps_comments(page_driver: PageDriver, si
     text = "# our line\n" + site_folder.station.read_text(encoding="utf-8")
     site_folder.station.write_text(text, encoding="utf-8")
     page_driver.show_section(SITE)
-    page_driver.page.drafts.discard()
+    page_driver.page.discard()
     page_driver.page.drafts.station.open(site_folder.station)
     notified: list[int] = []
     page_driver.app.station_changed.connect(lambda: notified.append(1))

@@ -107,11 +107,12 @@ class Draft(FormValues):
         """Return whether a value that the model does not need is required."""
         return key_path in self._required
 
-    def discard(self) -> None:
-        """Read the file again, which another window may have saved in the site's folder."""
+    def discard(self, *, find: bool = True) -> None:
+        """Read the file again, or with `find` the file that another window may have saved in the site's folder."""
         if self.path is not None:
             is_found = self._in_library and self.name in library.names(self.kind)
-            self.open(library.find(self.kind, self.name) if is_found else self.path)
+            self.open(library.find(self.kind, self.name) if find and is_found else self.path)
+            self._in_library |= is_found
 
     def set(self, changes: Mapping[KeyPath, Any]) -> None:
         """Change values; None removes a value. A text that is not valid TOML is not changed."""
@@ -165,10 +166,10 @@ class Drafts(QObject):
             draft.saved = other.saved  # the text to which its changes were made
             draft.rewrite(other.text)
 
-    def reload(self) -> None:
-        """Read the files of all drafts without unsaved changes again."""
+    def reload(self, *, find: bool = True) -> None:
+        """Read the files of all drafts without unsaved changes again; see `Draft.discard`."""
         for draft in [draft for draft in self._all if not draft.dirty]:
-            draft.discard()
+            draft.discard(find=find)
 
     @property
     def dirty(self) -> list[Draft]:
@@ -184,11 +185,6 @@ class Drafts(QObject):
     def invalid(self) -> list[Draft]:
         """Drafts with unsaved changes that cannot be saved because they have problems."""
         return [draft for draft in self.dirty if draft.problems]
-
-    def discard(self) -> None:
-        """Discard all unsaved changes; the station is last, because its table is opened with it."""
-        for draft in reversed(self.dirty):
-            draft.discard()
 
     @property
     def author(self) -> Confirmation:

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QListWidget, QListWidgetItem, QWidget
 
 from calstation.config import DEFAULT_STATION, StationConfig, editing, library
 from calstation.errors import ConfigurationError
-from calstation.gui.settings.drafts import Drafts
+from calstation.gui.settings.drafts import Draft, Drafts
 from calstation.gui.settings.fields import problem_text_with_name
 from calstation.gui.settings.imu_section import ImuSection
 from calstation.gui.settings.laboratory_section import LaboratorySection, OperatorsSection
@@ -100,7 +100,7 @@ class StationPage(Page):
         app.role.changed.connect(lambda _: self._lock())
         app.engine_link.running_changed.connect(lambda _: self._lock())
         app.station_changed.connect(self._open)
-        app.product_changed.connect(self.drafts.reload)
+        app.product_changed.connect(self._reload)
         self._open()
         on_language_change(self, self._fill)
         on_language_change(self, self._lock)
@@ -130,7 +130,7 @@ class StationPage(Page):
         caption = label("common.station", buddy=self.station_box)
         self._new_button = button("new_station_button", "settings.new_from_copy", self._ask_new)
         self._save_button = button("save_station_button", "common.save", lambda: self.save(), kind="primary")
-        self._discard_button = button("discard_station_button", "settings.discard", self.drafts.discard)
+        self._discard_button = button("discard_station_button", "settings.discard", self.discard)
         self._unsaved_label = label(name="unsaved_label", wrap=True)
         self._unsaved_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         buttons = self._discard_button, self._save_button
@@ -185,7 +185,7 @@ class StationPage(Page):
                 go()
 
         def discard() -> None:
-            self.drafts.discard()
+            self.discard()
             go()
 
         choices = [
@@ -234,11 +234,34 @@ class StationPage(Page):
 
     def _read_again(self) -> None:
         """Discard the unsaved changes of the files that another program or window has changed."""
-        station = self.drafts.station
-        for draft in reversed(self.drafts.outdated):
-            draft.discard()
-            if draft is station and station.path is not None and station.path != self.app.station_path:
-                self._use(station.path)  # another window has saved the shipped station in the site's folder
+        self._discard(self.drafts.outdated)
+
+    def discard(self) -> None:
+        """Discard all unsaved changes."""
+        self._discard(self.drafts.dirty)
+
+    def _discard(self, drafts: list[Draft]) -> None:
+        for draft in reversed(drafts):  # the station is last, because its table is opened with it
+            draft.discard(find=not self.app.engine_link.running)
+        self._use_found()
+
+    def _reload(self) -> None:
+        """Read all files without unsaved changes again; during a run, not those that have since replaced them."""
+        self.drafts.reload(find=not self.app.engine_link.running)
+        self._use_found()
+
+    def _use_found(self) -> None:
+        """Use the station and the product that another window has saved in place of the shipped ones."""
+        app, station = self.app, self.drafts.station.path
+        if app.engine_link.running:
+            return
+        if station is not None and app.station_path is not None and _replaces("stations", station, app.station_path):
+            app.set_station(station)
+        product = app.product_path
+        if product is not None and product.stem in library.names("products"):
+            found = library.find("products", product.stem)
+            if _replaces("products", found, product):
+                app.set_product(found)
 
     def _overdue(self) -> list[str]:
         """Return the names of the overdue instruments of a changed station because of which production is refused."""
@@ -328,9 +351,11 @@ class StationPage(Page):
     def _open(self) -> None:
         """Show the current station and its table profile, and read all files without unsaved changes again."""
         path = self.app.station_path or library.find("stations", DEFAULT_STATION)
-        if self.drafts.station.path != path:
-            self.drafts.switch(self.drafts.station, path)
-        self.drafts.reload()
+        station = self.drafts.station
+        is_edited = station.dirty and station.path is not None and library.share_name("stations", station.path, path)
+        if station.path != path and not is_edited:
+            self.drafts.switch(station, path)
+        self._reload()
         self._fill()
         self.refresh()
 
@@ -385,3 +410,8 @@ class StationPage(Page):
         self.app.station_changed.emit()
         if kind in ("products", "imus"):
             self.app.product_changed.emit()
+
+
+def _replaces(kind: str, path: Path, used: Path) -> bool:
+    """Return whether the library has a file under the name of another one of its files, which is used."""
+    return path != used and library.share_name(kind, path, used) and library.find(kind, used.stem) == path
