@@ -13,13 +13,14 @@ from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QLineEdit, QPu
 
 from calstation.config import Confirmation, ConfirmationRequired, RunRequest, computer_user
 from calstation.gui.operator.production import document_buttons
-from calstation.gui.state.slots import EarlierRuns
+from calstation.gui.state.slots import EarlierRuns, Slots
 from calstation.gui.text import say
 from calstation.gui.widgets import ElidedLabel, StateIcon
 from calstation.jobs import ProgressCallback
 from calstation.messages import Language, Text
 from calstation.records import Verdict
 from calstation.reports import IssueState, PrintedLabels, ReportRequest
+from calstation.results import History
 from calstation.runs import finish_incomplete
 from calstation.sequencer import Fault, Message, StageSolved, StateChanged
 from tests.database.result_files import write_result
@@ -196,6 +197,17 @@ def test_slots_that_are_left_out_stay_so_after_a_badge(operator: Operator, langu
     for _ in range(2):  # stays empty, then in use
         operator.press("slot_1_button")
     assert left_out not in tile(operator, "slot_1_tile").accessibleName()
+
+
+def test_slot_from_which_a_unit_was_moved_is_no_longer_left_out() -> None:
+    slots = Slots()
+    slots.set_names(("1", "2"))
+    slots.note_last({"1": ("SN-000001", "failed")})
+    slots.leave_out_others()
+    first, second = slots
+    assert first.left_out
+    slots.fill(second, "SN-000001", History(Path("runs")))
+    assert not first.left_out
 
 
 @pytest.mark.long

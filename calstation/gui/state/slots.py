@@ -143,7 +143,7 @@ class Slots(QObject):
             if other.serial == serial:
                 other.serial, other.suggested = "", False
             if other is not slot and other.last is not None and other.last[0] == serial:
-                other.last = None
+                other.last, other.left_out = None, False
         slot.serial, slot.earlier = serial, EarlierRuns.of(history, serial)
         slot.suggested = slot.skipped = slot.left_out = False
         self._chosen = None
