@@ -81,14 +81,16 @@ def verify_certificate(path: Path) -> CertificateState:
     return CertificateState(tuple(findings), intact)
 
 
-def read_verified_trail(report: ProgressCallback, station: Path | None, runs: Path) -> SiteTrail:
+def read_verified_trail(
+    report: ProgressCallback, station: Path | None, runs: Path, *, unindexed: bool = True
+) -> SiteTrail:
     """Job: read and verify the audit trail of the site, and compare it with the files of the site and of certificates.
 
     The files of certificates are sought in the report folders of the station and of all stations in the library, in
     the default report folders of `runs` and of the runs of the certificates, and in the folders of these runs. The
     records of issued reports are those in `runs` and in the other folders that the trail names, unless such a folder
-    was archived. The files of the site are compared with their last version in the trail. Raises InputError if a file
-    cannot be read.
+    was archived. The files of the site are compared with their last version in the trail. Without `unindexed`, runs
+    that have no index are not compared with their logs. Raises InputError if a file cannot be read.
     """
     site = read_site_trail(lambda *_, **__: None)
     folders = [*_report_folders(station), default_report_folder(runs.absolute())]
@@ -111,7 +113,7 @@ def read_verified_trail(report: ProgressCallback, station: Path | None, runs: Pa
     # the last location of a certificate is the folder of its runs, where other files need not be certificates
     searched = dict.fromkeys([*folders, *(each for *_, locations in issued for each in locations[:-1])])
     forged, unrecorded = _unrecorded_files(list(searched), runs)
-    faults, cautions = [*faults, *forged, *_changed_results(report, runs)], [*cautions, *unrecorded]
+    faults, cautions = [*faults, *forged, *_changed_results(report, runs, unindexed)], [*cautions, *unrecorded]
     others = [Text.of("audit.files_intact", count=intact)] if intact else []
     for record in map(_verify_record, _record_folders(runs, site)):
         cautions += record.cautions
@@ -280,12 +282,14 @@ def _missing_runs(folder: Path) -> list[Text]:
     return [Text.of("audit.runs_missing", folder=folder, count=len(names), names=_first(names))] if names else []
 
 
-def _changed_results(report: ProgressCallback, folder: Path) -> list[Text]:
+def _changed_results(report: ProgressCallback, folder: Path, unindexed: bool) -> list[Text]:
     """Compare the runs of a folder with their logs, update the index, and return a fault for every unconfirmed one."""
     from calstation.records.run_index import FILE, RunIndex  # loads SQLAlchemy
 
     if not (folder / FILE).is_file():
-        return check_runs(folder)[0]
+        faults = check_runs(folder)[0] if unindexed else []
+        report(1.0)
+        return faults
     history = History(folder)
     history.refresh()
     history.compare_logs(report=lambda done: report(0.5 + 0.5 * done))

@@ -432,5 +432,7 @@ def test_exchanged_logs_are_found_where_the_runs_have_no_index(folder: Path) -> 
     exchange_logs(*paths)
     for file in folder.glob("history.sqlite*"):
         file.unlink()
-    faults = read_verified_trail(ignore_progress, None, folder).faults
+    done: list[float] = []
+    faults = read_verified_trail(lambda fraction, **_: done.append(fraction), None, folder).faults
+    assert done[-1] == 1.0
     assert [each.code for each in faults] == ["result.log_of_other"] * 2

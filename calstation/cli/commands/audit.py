@@ -84,7 +84,7 @@ def check_audit(file: Path | None, json: str | None) -> int:
 
     Raises InputError if `file` is missing.
     """
-    path, site = _read(file)
+    path, site = _read(file, unindexed=False)
     if file is None:
         faults, gaps = check_runs(Path("runs"))
         faults = [each for each in faults if each not in site.faults]
@@ -96,9 +96,9 @@ def check_audit(file: Path | None, json: str | None) -> int:
     return _exit_code(site)
 
 
-def _read(file: Path | None) -> tuple[Path, SiteTrail]:
+def _read(file: Path | None, *, unindexed: bool = True) -> tuple[Path, SiteTrail]:
     if file is None:
-        return audit_path(site_folder()), read_verified_trail(ignore_progress, None, Path("runs"))
+        return audit_path(site_folder()), read_verified_trail(ignore_progress, None, Path("runs"), unindexed=unindexed)
     if not file.exists():
         raise InputError("audit.not_found", file=file)
     return file, read_trail_copy(file)
