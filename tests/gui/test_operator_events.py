@@ -1445,6 +1445,33 @@ def test_no_interrupted_run_is_offered_before_the_fault_has_been_read(
     operator.until(lambda: operator.window.findChild(QPushButton, "resume_choice") is not None)
 
 
+def test_interrupted_run_and_pending_results_are_named_when_the_fault_clears_by_itself(simulated_run: Operator) -> None:
+    operator, app = simulated_run, simulated_run.window.app
+    app.engine_link.event.emit(StateChanged("running", "preparing"))
+    fault = DeviceFaultError("imu.answer_not_framed", port="socket://10.0.0.7:4001", seconds=5.0)
+    app.engine_link.event.emit(Fault.of(fault))
+    end_run(operator, "fault")
+    interrupted = operator.window.operator_page._starting.interrupted
+    delivery = Delivery(Path("share"), 0, 2, Text.of("handover.no_answer", seconds=5.0))
+    interrupted._recovery.done.emit(StartupRecovery((), delivery))
+    operator.until_no_job()
+    assert "share" not in operator.says()
+    operator.window.operator_page._starting.drop_fault()
+    operator.until(lambda: "share" in operator.says())
+
+    write_dead_log(app.runs_folder, "SN-000004", station="test bench", seed=5)
+    finish_incomplete(app.runs_folder)
+    History(app.runs_folder).refresh()
+    app.engine_link.event.emit(StateChanged("running", "preparing"))
+    app.engine_link.event.emit(Fault.of(fault))
+    end_run(operator, "fault")
+    operator.window.operator_page.header.badge_field.signed_in.emit()
+    operator.until_no_job()
+    assert operator.window.findChild(QPushButton, "resume_choice") is None
+    operator.window.operator_page._starting.drop_fault()
+    operator.until(lambda: operator.window.findChild(QPushButton, "resume_choice") is not None)
+
+
 @pytest.mark.parametrize(
     ("language", "void"), [("en", "its old label is void. Remove it."), ("zh_CN", "旧标签已失效，请撕下。")]
 )

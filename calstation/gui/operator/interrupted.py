@@ -46,6 +46,8 @@ class InterruptedRuns(QObject):
         self._otherwise: Callable[[], None] = lambda: None
         #: Units of the interrupted runs that the last search found.
         self.serials: frozenset[str] = frozenset()
+        self._skipped = False  #: Whether nothing was offered after the last search because of a fault.
+        self._faulty = False  #: Whether the run had a fault at its last change.
         self._search = app.job(self, find_interrupted, self._search_done, failed=self._search_failed)
         self._closing = app.job(self, close_incomplete_job, self._closed)
         self._recovering = False  #: Whether `recover` has been called.
@@ -70,6 +72,7 @@ class InterruptedRuns(QObject):
         app.run.chamber_acknowledged.connect(self._chamber_looked_at)
         app.station_changed.connect(self._station_changed)
         app.run.stop_incomplete_changed.connect(self._stop_completed)
+        app.run.changed.connect(self._run_changed)
 
     @property
     def asking(self) -> bool:
@@ -115,6 +118,15 @@ class InterruptedRuns(QObject):
         """Repeat the search whose result was not offered while the table might still have been moving."""
         if self._recovering and not incomplete and self._app.run.state == "idle":
             self.offer(self._serials, self._log, self._otherwise)
+
+    def _run_changed(self) -> None:
+        """After a fault, which may clear by itself, show the notice and repeat a search that was not offered."""
+        cleared, self._faulty = self._faulty and self._app.run.fault is None, self._app.run.fault is not None
+        if not cleared:
+            return
+        if self._skipped and not self._app.engine_link.running:
+            self.offer(self._serials, self._log, self._otherwise)
+        self._after_notice.start()
 
     def _chamber_not_found(self, _: CalstationError) -> None:
         """Require the operator to check the chamber if the runs cannot be read."""
@@ -186,7 +198,7 @@ class InterruptedRuns(QObject):
         log : log of the run that is resumed; None for any
         otherwise : called if nothing can be offered and no log is given
         """
-        self._serials, self._log, self._otherwise = serials, log, otherwise
+        self._serials, self._log, self._otherwise, self._skipped = serials, log, otherwise, False
         if self._app.runs_folder.is_dir() and self.run_summary is not None:
             summary = self.run_summary
             self._search.start(self._app.runs_folder, summary.station, measured=summary.bench is None)
@@ -198,6 +210,7 @@ class InterruptedRuns(QObject):
         if self._app.engine_link.running or self.run_summary is None or self._app.run.stop_incomplete:
             return
         if self._app.run.fault is not None:  # nothing can be resumed before
+            self._skipped = self._log is None
             if self._log is not None:
                 ask(self._notice, "caution", Text("operator.fault_below"), {})
             return
