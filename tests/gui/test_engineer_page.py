@@ -889,7 +889,7 @@ def test_finished_run_is_analysed(engineer: Engineer) -> None:
     heat = page.analysis.observability.view.map
     text, move = tooltip_at(heat, 6, 1).split("\n")
     assert text.startswith("gyro bias x after step")
-    assert re.fullmatch(r"TransferStep \d+: Half turn about the vertical, [+−]180°", move)
+    assert re.fullmatch(r"Step \d+: Half turn about the vertical, [+−]180°", move)
     assert re.fullmatch(r"\d+  flip [+−]180°", heat.getAxis("top")._names[1])
 
     page.analysis.open(Path(result["log"]["file"]))

@@ -62,7 +62,7 @@ class ChoicePanel(QFrame):
         self._save_button = button("save_product_button", "engineer.save_to_product", self.save_requested)
         self._reason = label(kind="muted", name="save_reason_label", wrap=True)
         self._form_box = column(spacing=0)
-        content = box(self._form_box, margins=(0, 0, theme.GRID // 2, 0))
+        content = box(self._solved, self._heading, self._form_box, margins=(0, 0, theme.GRID // 2, 0))
         self._area = scroll_area(content, wide=False)
         self._area.setMinimumHeight(6 * theme.GRID)
         # queued, because the fields are not yet laid out again
@@ -75,8 +75,6 @@ class ChoicePanel(QFrame):
             self._lock_label,
             self._unlock_button,
             self.selector,
-            self._solved,
-            self._heading,
             (self._area, 1),
             row(self._reset_button, (self._save_button, 1)),
             self._reason,
