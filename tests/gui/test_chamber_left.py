@@ -97,7 +97,7 @@ def test_chamber_is_named_although_nothing_can_be_resumed(operator: Operator) ->
     operator.until(lambda: "its temperature is not known" in operator.says())
     operator.press("operator_page_chamber_notice_close")
     operator.until_no_job()
-    assert "interrupted" not in operator.says()
+    operator.until(lambda: "interrupted" not in operator.says())
 
 
 def test_engineer_starts_nothing_before_the_chamber_was_looked_at(operator: Operator) -> None:

@@ -69,7 +69,7 @@ def test_nothing_of_the_product_is_imported() -> None:
 
 def test_an_auditor_can_read_the_program() -> None:
     lines = {file.name: len(file.read_text(encoding="utf-8").splitlines()) for file in FOLDER.glob("*.py")}
-    assert sum(lines.values()) < 1_010
+    assert sum(lines.values()) < 1_020
     assert lines["temperature.py"] < 200
 
 

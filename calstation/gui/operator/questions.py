@@ -142,8 +142,8 @@ def why_not_load(run: RunStatus, problem: Text | None) -> tuple[Words, Words]:
     if (other := run.occupied) is not None:
         return lambda: rendered(other).text, lambda: rendered(other).remedy
     if problem is not None:
-        about = "operator.message_pair" if needs_no_run(run) else "operator.about_impossible"
-        return lambda: rendered(problem).text, about
+        to_watch = "operator.message_pair" if run.monitoring is None else ""
+        return lambda: rendered(problem).text, to_watch if needs_no_run(run) else "operator.about_impossible"
     if run.stop_incomplete:
         return "operator.table_unsafe", "operator.table_unconfirmed"
     if run.chamber.must_stay_closed and run.chamber.unchecked:
