@@ -68,7 +68,7 @@ def test_pytest(site: SiteFolder) -> None:
     assert "4 passed" in done.stdout, done.stdout
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 @pytest.mark.skipif(find_spec("openhtf") is None, reason="OpenHTF is not installed")
 def test_openhtf(site: SiteFolder) -> None:
     (site.folder / "sequence.py").write_text(OPENHTF, encoding="utf-8")

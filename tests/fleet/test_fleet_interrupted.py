@@ -125,6 +125,7 @@ def test_logs_are_solved_once_each_while_workers_are_killed(
         assert found[str(log)] == resolve(log).result.to_json(), log
 
 
+@pytest.mark.exhaustive
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("url", ["sqlite"], indirect=True)
 def test_interrupted_job_solves_only_remaining_logs_after_a_restart(

@@ -195,7 +195,7 @@ def test_units_of_a_batch_are_calibrated_over_temperature_at_once(thermal: SiteF
     assert chamber[-1] == "chamber_may_be_opened"
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
 def test_batch_killed_in_a_soak_is_resumed_together_after_its_last_temperature(thermal: SiteFolder) -> None:
     thermal.write(PRODUCT, {"chamber": {"profile": "virtual_chamber"}}, thermal=THERMAL, units=3)
@@ -239,7 +239,7 @@ def resumed_batch(folder: SiteFolder, serials: tuple[str, ...]) -> RunRequest:
     return start.request
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_units_of_a_batch_are_calibrated_during_ramps(thermal: SiteFolder) -> None:
     """The clocks and lags of two units differ, and the registers are verified between the ends of the ramps."""
     schedule = {**PRODUCT["schedule"]["temperature"], "points_c": [18.0, 46.0, 18.0], "ramp_c_per_min": 3.0}

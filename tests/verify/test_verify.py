@@ -293,7 +293,7 @@ def test_the_attachments_of_a_pdf_are_verified(run: Path, tmp_path: Path) -> Non
     assert run_app(["verify", str(pdf), "--log", str(result.with_suffix(".h5"))]) == 0
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_a_log_with_a_gap_agrees(run: Path, tmp_path: Path) -> None:
     log, result = copied(run, tmp_path).with_suffix(".h5"), tmp_path / "gap.json"
     with h5py.File(log, "r+") as file:
