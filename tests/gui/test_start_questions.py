@@ -426,6 +426,15 @@ def test_no_key_confirms_a_start_after_a_return_to_its_question(
     assert started == []
 
 
+def ask_about_a_passed_unit(operator: Operator, page: str, language: str) -> None:
+    """Start a run of a unit that has passed, on a page in a language, and leave its question open."""
+    operator.site_folder.runs.mkdir()
+    passed(operator.site_folder)
+    History(operator.site_folder.runs).refresh()
+    operator.window.app.set_language(language)
+    Page(operator, page).start(SERIAL)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("language", "said", "ready"),
@@ -437,11 +446,7 @@ def test_no_key_confirms_a_start_after_a_return_to_its_question(
 def test_other_pages_name_the_question_on_the_operator_page(
     operator: Operator, started: list[RunRequest], language: str, said: str, ready: str
 ) -> None:
-    operator.site_folder.runs.mkdir()
-    passed(operator.site_folder)
-    History(operator.site_folder.runs).refresh()
-    operator.window.app.set_language(language)
-    Page(operator, "operator_page").start(SERIAL)
+    ask_about_a_passed_unit(operator, "operator_page", language)
     for page in ("history_page", "engineer_page"):
         operator.window.show_page(page)
         if page == "engineer_page":
@@ -471,11 +476,7 @@ def test_other_pages_name_the_question_on_the_operator_page(
 def test_other_pages_name_the_question_on_the_engineer_page(
     operator: Operator, started: list[RunRequest], language: str, said: str, ready: str
 ) -> None:
-    operator.site_folder.runs.mkdir()
-    passed(operator.site_folder)
-    History(operator.site_folder.runs).refresh()
-    operator.window.app.set_language(language)
-    Page(operator, "engineer_page").start(SERIAL)
+    ask_about_a_passed_unit(operator, "engineer_page", language)
     assert said not in operator.says()
     start = operator.widget("start_button", QPushButton)
     for page in ("history_page", "operator_page"):

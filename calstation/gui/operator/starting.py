@@ -257,10 +257,8 @@ class RunStarter(QObject):
 
     def _interrupted(self, serial: str, station: str) -> bool:
         """Return whether START asks about an interrupted run of a unit, or about its registers."""
-        return (
-            self.interrupted.has_open_transfer(serial)
-            or resumable_run(self._app.history(), serial, station) is not None
-        )
+        resumable = self.interrupted.has_open_transfer(serial)
+        return resumable or resumable_run(self._app.history(), serial, station) is not None
 
     @property
     def overdue(self) -> tuple[Text, ...]:
@@ -273,8 +271,8 @@ class RunStarter(QObject):
     def incomplete(self) -> bool:
         """Whether anything is missing before the next run, such as a badge, a valid scan, an answer or a reset."""
         run = self._app.run
-        missing = self._header.badge_field.required or self.refused is not None or bool(self.overdue) or self.asking
-        missing = missing or self._app.engineer_asks
+        asking = self.asking or self._app.engineer_asks
+        missing = self._header.badge_field.required or self.refused is not None or bool(self.overdue) or asking
         return missing or run.unreset is not None or run.why_not_start == "operator.reading_runs"
 
     def missing_text(self, answer: str) -> str:
