@@ -439,6 +439,8 @@ def test_query_after_unanswered_lines_has_another_form_of_reply_than_these(monke
     number, limits = (re.compile(section.queries[name].answer) for name in ("position", "limits"))
     letters = {":Interlock? 1", ":Mode? 1"}
     link._unanswered = {":Read:Pos? 2": number}
+    assert not [*link._distinct_lines()], "an unknown reply may look like any other"
+    link._replies = {":Read:Pos? 2": "1.5"}
     assert {*link._distinct_lines()} == {"*IDN?", ":Limit:Absolute? 1", *letters}
     link._unanswered, link._replies = {":Limit:Absolute? 1": limits}, {":Limit:Absolute? 1": "-1.0,1.0,0.0"}
     assert {*link._distinct_lines()} == {"*IDN?", *letters}, "the last number of the limits looks like a position"

@@ -255,6 +255,10 @@ def test_late_reply_is_not_taken_for_another_one(name: str, seeds: range) -> Non
     run_seeds(seeds, SCENARIOS[name])
 
 
+def test_late_identity_is_not_taken_for_the_reply_to_another_query() -> None:
+    use_text_table(688)
+
+
 #: Faults in the links, each of which some seed finds with a scenario.
 PLANTED = {
     "any reply is accepted": (dialogue.Dialogue, "_is_synchronised", lambda self, timeout: True, use_modbus_table),

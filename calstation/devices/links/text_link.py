@@ -198,7 +198,12 @@ class TextLink:
         return True
 
     def _distinct_lines(self) -> Iterator[str]:
-        """Yield the queries whose replies cannot be confused with any reply that may still arrive."""
+        """Yield the queries whose replies cannot be confused with any reply that may still arrive.
+
+        There is none if the reply to an unanswered query is unknown: a number may be part of the identity, for example.
+        """
+        if any(answer is not None and line not in self._replies for line, answer in self._unanswered.items()):
+            return
         late = [self._replies[line] for line in self._unanswered if line in self._replies]
         for line, answer in self._questions.items():
             if answer not in self._unanswered.values() and not any(map(answer.search, late)):
